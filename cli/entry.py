@@ -112,7 +112,7 @@ def _told(code: int, said: str) -> int:
         return (
             code if code >= 0 else int(ended[1])
         )  # what crashes while the interpreter closes changes nothing
-    from gpsim.reports.printable import printable
+    from gpsim.reports.sheets import printable
 
     from .answers import begin, finish
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from gpsim.errors import UsageError
-from gpsim.reports.printable import literal
+from gpsim.reports.sheets import literal
 
 from .answers import answer, warned
 from .cores import CORES

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gpsim.errors import UsageError
-from gpsim.reports.printable import printable
+from gpsim.reports.sheets import printable
 
 from . import completion
 from .answers import answer, asked, warned

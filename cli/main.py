@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 from gpsim import __version__
 from gpsim.errors import NoDiagnosis, Terminated, UsageError
 from gpsim.files import FULL, REFUSED
-from gpsim.reports.printable import printable
+from gpsim.reports.sheets import printable
 from gpsim.trust import trusting
 from gpsim.workers import ends_when_asked
 

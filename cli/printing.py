@@ -7,7 +7,7 @@ import sys
 import typer
 from rich.console import Console
 
-from gpsim.reports.printable import printable
+from gpsim.reports.sheets import printable
 
 from .answers import asked
 from .progress import QUIET

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from gpsim.reports.printable import literal, printable
+from gpsim.reports.sheets import literal, printable
 
 from .answers import warned
 from .pace import EVEN, Pace, Shares, clock

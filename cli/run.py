@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.errors import UsageError
-from gpsim.reports.printable import literal
+from gpsim.reports.sheets import literal
 
 from .answers import answer, asked
 from .cores import CORES

@@ -39,8 +39,7 @@ from gpsim.recordings.readers import open_log
 from gpsim.reports.diagnosis_text import _part
 from gpsim.reports.import_text import as_text
 from gpsim.reports.loop_page import terminal_table
-from gpsim.reports.printable import printable
-from gpsim.reports.sheets import Sheet, row
+from gpsim.reports.sheets import Sheet, printable, row
 from gpsim.residuals import Residuals, from_table, to_table
 from gpsim.simulators import make_simulator
 from gpsim.stages.policy_files import read_gp, write_gp

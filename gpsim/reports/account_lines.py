@@ -14,8 +14,8 @@ from rich.cells import cell_len, set_cell_size
 
 from gpsim.reports.account import Account, Fit
 from gpsim.reports.account_effects import Row
-from gpsim.reports.printable import printable
 from gpsim.reports.quantities import ELLIPSIS, shortened
+from gpsim.reports.sheets import printable
 
 LINES, COLUMNS = 24, 100
 INDENT = 9  # columns of a part's name

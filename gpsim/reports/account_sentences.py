@@ -10,8 +10,7 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, MissingLaw, NamedEffect, sized
 from gpsim.diagnosis.settings import LackOfFitSettings, VerdictSettings
 from gpsim.mjcf import is_mujoco
-from gpsim.reports.account_effects import claim_name, effect_name, told_effects
-from gpsim.reports.curve_text import beyond
+from gpsim.reports.account_effects import beyond, claim_name, effect_name, told_effects
 from gpsim.reports.diagnosis_text import combination_texts, listed, parameters_of
 from gpsim.reports.quantities import certainty_text, is_open, percent, share_text, spelled
 from gpsim.simulators import lives_here

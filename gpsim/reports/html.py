@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from collections.abc import Sequence
 from importlib import resources
 from typing import Any
@@ -34,13 +35,18 @@ def fragment_of(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"short": _short, "title_of": _title_of, "titles_of": _titles_of}
+    environment.filters |= {
+        "short": _short,
+        "title_of": _title_of,
+        "titles_of": _titles_of,
+        "pretty": _pretty,
+    }
     return environment.get_template(template).render(**content)
 
 
 def resource(name: str) -> str:
     """The text of a template or a style sheet."""
-    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
+    return resources.files("gpsim.reports").joinpath("templates", name).read_text(encoding="utf-8")
 
 
 def security_policy(style: str) -> str:
@@ -60,6 +66,10 @@ def _head(style: str) -> Markup:
 
 def _short(text: str, most: int = LONGEST) -> str:
     return shortened(text, most)
+
+
+def _pretty(tree: Any) -> str:
+    return json.dumps(tree, indent=1, default=str)
 
 
 def _titles_of(names: Sequence[str], most: int = LABEL) -> str:

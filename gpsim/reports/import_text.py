@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.recordings import Guess, ImportReport, Inspection, Statistics, Topic, TopicCount, listed
-from gpsim.reports.printable import literal, printable
+from gpsim.reports.sheets import literal, printable
 from gpsim.simulators import SIMULATORS
 
 OPEN = "COLUMN"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from textwrap import fill
 from typing import Any
 
-from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -25,7 +23,6 @@ from gpsim.reports.loop_figures import (
 )
 from gpsim.reports.loop_report import (
     LoopReport,
-    MadeBy,
     printed_table,
 )
 from gpsim.reports.loop_sheets import cards, paragraph, return_sheets, success_sheets
@@ -38,24 +35,12 @@ from gpsim.reports.model_sheets import (
     rollout_sheet,
     scale_sheet,
 )
-from gpsim.reports.printable import printable
-from gpsim.reports.sheets import Cell, Sheet
+from gpsim.reports.sheets import Cell, Sheet, printable
 from gpsim.reports.trip_figures import figure_steps, figure_trips
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A figure as the source of an image, with what it shows in words; shows: names in it, long ones shortened."""
-
-    source: str
-    words: str
-    caption: str
-    shows: Sequence[str] = ()
 
 
 def render(report: LoopReport) -> str:
     """The page; equal reports give equal pages."""
-    sheets = return_sheets(report)
     colour = colours([*report.policies, *report.rollouts])
     return page_of(
         "loop_report.html.jinja",
@@ -65,16 +50,15 @@ def render(report: LoopReport) -> str:
         paragraph=paragraph(report),
         cards=cards(report),
         success_sheets=success_sheets(report),
-        return_sheets=sheets,
-        one_step=_filled(one_step_sheet(report)),
-        calibration=_filled(calibration_sheet(report)),
-        rollout=_filled(rollout_sheet(report)),
-        fit=_filled(fit_sheet(report)),
-        scales=_filled(scale_sheet(report)),
+        return_sheets=return_sheets(report),
+        one_step=one_step_sheet(report),
+        calibration=calibration_sheet(report),
+        rollout=rollout_sheet(report),
+        fit=fit_sheet(report),
+        scales=scale_sheet(report),
         warnings=gp_warnings(report),
         pictures=_pictures(report),
         settings=list(settings(report.settings)),
-        manifest=_manifest,
         diagnosed_by=_diagnosed_by(report),
         thesis_table=printed_table(report.experiment, report.system),
     )
@@ -108,79 +92,20 @@ def _tints(colour: Mapping[str, str]) -> str:
     )
 
 
-def _filled(sheet: Sheet) -> Sheet | None:
-    return sheet if sheet.rows else None
-
-
-def _manifest(made: MadeBy) -> str:
-    return json.dumps(made.manifest, indent=1, sort_keys=False, default=str)
-
-
-def _pictures(report: LoopReport) -> dict[str, Picture]:
-    first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
-    averaged = ", averaged over the seeds' GPs" if len(report.seeds) > 1 else ""
-    made: dict[str, tuple[Figure | None, str, str]] = {
-        "trips": (
-            figure_trips(report),
-            "Paths to the goal on the target and in the simulator, a panel a policy",
-            "As the thesis's Figure 4.3: one place, all headings, the same goal (orange). "
-            "Solid: on the target, coloured by the steps taken; "
-            f" dotted: in the simulator that the policy was trained in ({first}). "
-            "Dashed squares: the arena of training and the edge of the floor.",
-        ),
-        "steps": (
-            figure_steps(report),
-            "Share of starts whose goal was reached over steps, per policy",
-            "How soon the goal is reached, over all starts and seeds.",
-        ),
-        "returns": (
-            figure_returns(report) if report.trips is None else None,
-            "Distribution of episode returns on the target, per policy and set of starts",
-            "Bars: share of episodes per bin of return. "
-            "Outcomes are bimodal: an episode fails early or lasts to the end.",
-        ),
-        "slices": (
-            figure_residual_slices(report),
-            "Residual of each rate along its most telling input, with the Gaussian process and its training points",
-            f"Above: what the simulator gets wrong, and what the GP says of it along one input, "
-            f"the others held ({first}). "
-            "Below: what the GP's mean leaves, each point at its own inputs, "
-            "with the band of ±2 std of an observation.",
-        ),
-        "calibration": (
-            figure_calibration(report),
-            "Share of target transitions inside the predicted intervals beside the nominal share",
-            "How many of the target's transitions lie in the GP's 50, 90 and 99 % intervals.",
-        ),
-        "rollouts": (
-            figure_rollouts(report),
-            "State over time under the same start and actions in the simulators and the target",
-            f"As the thesis's Figure 4.2: the same start and {_actions(report)} actions in each; "
-            f"nothing terminates ({first}). "
-            "Shaded: inside the task's limits.",
-        ),
-        "divergence": (
-            figure_divergence(report),
-            "Distance to the target's rollouts over time, median and 80 % band, logarithmic",
-            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles{averaged}.",
-        ),
-        "learning": (
-            figure_learning_curves(report),
-            f"Mean return in training over {'decisions' if report.held > 1 else 'steps'}, per policy",
-            "Each policy in the simulator that it is trained in: a high curve there says nothing yet about the target.",
-        ),
-        "rounds": (
-            figure_expert_rounds(report),
-            "Mean return on fresh starts over rounds of expert iteration, per policy",
-            "After PPO each policy learns from a search that looks ahead in the simulator in which it is trained, and "
-            "plays there on fresh starts; the best round is kept.",
-        ),
+def _pictures(report: LoopReport) -> dict[str, tuple[str, list[str]]]:
+    """Figures as sources of images, each with the names in it; the template says what they show."""
+    made = {
+        "trips": figure_trips(report),
+        "steps": figure_steps(report),
+        "returns": figure_returns(report) if report.trips is None else None,
+        "slices": figure_residual_slices(report),
+        "calibration": figure_calibration(report),
+        "rollouts": figure_rollouts(report),
+        "divergence": figure_divergence(report),
+        "learning": figure_learning_curves(report),
+        "rounds": figure_expert_rounds(report),
     }
-    return {
-        key: Picture(data_uri(figure), words, caption, _shown(report, key))
-        for key, (figure, words, caption) in made.items()
-        if figure is not None
-    }
+    return {key: (data_uri(f), _shown(report, key)) for key, f in made.items() if f is not None}
 
 
 def _shown(report: LoopReport, picture: str) -> list[str]:
@@ -193,10 +118,6 @@ def _shown(report: LoopReport, picture: str) -> list[str]:
         "divergence": report.states,
     }
     return list(dict.fromkeys(named.get(picture, ())))
-
-
-def _actions(report: LoopReport) -> str:
-    return "recorded" if report.summary.get("judged_on") else "random"
 
 
 HEADER = 12

@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.html import page_of, resource
-from gpsim.reports.printable import printable
 from gpsim.reports.prove_sheets import beside, confusion_sheet, proof_sheets
-from gpsim.reports.sheets import Cell, Sheet, row
+from gpsim.reports.sheets import Cell, Sheet, printable, row
 
 Json = Mapping[str, Any]
 

@@ -19,7 +19,7 @@ from gpsim.diagnosis.report import (
     Separation,
 )
 from gpsim.effects import FAMILIES
-from gpsim.reports.curve_text import curve_sentence
+from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text
 
 OFF = "{on} is {offset} off what the simulator believes"

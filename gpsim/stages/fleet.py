@@ -12,8 +12,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json, write_json
 from gpsim.launchers import Launcher, Update
 from gpsim.recordings import is_bag_folder
-from gpsim.reports.fleet import Deviation, Robot, deviations, headline
-from gpsim.reports.fleet_page import fleet_page
+from gpsim.reports.fleet import Deviation, Robot, deviations, fleet_page, headline
 from gpsim.stages.diagnose import Task, read_diagnosis
 from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
 from gpsim.stages.raw_logs import is_raw

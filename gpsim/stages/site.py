@@ -14,7 +14,7 @@ from urllib.parse import quote, unquote, urlsplit
 from gpsim.artifacts import MANIFEST, Artifact, read_manifest, read_timings
 from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors, file_digest, files_below, written_whole
-from gpsim.reports.site import Entry, Experiment, Source, index_page
+from gpsim.reports.runs_text import Entry, Experiment, Source, index_page
 from gpsim.stages.site_facts import facts_of, proof_facts
 
 INDEX, PAGES, REPORT, PROOF = "index.html", "pages", "report.html", "prove.json"

@@ -14,8 +14,8 @@ from gpsim.files import Json, read_object
 from gpsim.recordings import read_yaml
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import told_effects
+from gpsim.reports.runs_text import Figure
 from gpsim.reports.sheets import fixed, percent, whole_percent
-from gpsim.reports.site import Figure
 
 STARTS = {
     "returns": "mean returns, solvable starts",

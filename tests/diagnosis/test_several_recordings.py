@@ -18,10 +18,9 @@ from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import EffectParameter, Term, own_values
 from gpsim.errors import UsageError
 from gpsim.recordings import HeldOut, apart, joined
-from gpsim.reports.account import account_of
+from gpsim.reports.account import account_of, differences, recordings_sheet
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.diagnosis_page import page
-from gpsim.reports.recordings_text import differences, recordings_sheet
 from gpsim.residuals import first_held_out, held_out_names
 from gpsim.simulators import make_simulator
 

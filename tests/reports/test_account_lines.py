@@ -28,7 +28,7 @@ from gpsim.diagnosis.report import (
 )
 from gpsim.reports.account import account_of
 from gpsim.reports.account_lines import COLUMNS, LINES, account_lines, bar, wrapped
-from gpsim.reports.printable import printable
+from gpsim.reports.sheets import printable
 
 NAMES = st.text(max_size=150) | st.sampled_from(
     ["x", "theta_dot", "位置" * 40, "/robot/arm/joint" * 9, "a\nb", "\x1b[31m"]

@@ -1,10 +1,9 @@
 """Measured curves in words and as a picture."""
 
 from gpsim.diagnosis.report import Estimate, FoundForm, MeasuredCurve, NamedEffect, NearestLaw
-from gpsim.reports.account_effects import effect_name, extent
+from gpsim.reports.account_effects import beyond, course, curve_sentence, effect_name, extent
+from gpsim.reports.account_figures import measured_picture
 from gpsim.reports.canvas import style
-from gpsim.reports.curve_figure import measured_picture
-from gpsim.reports.curve_text import beyond, course, curve_sentence
 
 NEAREST = (
     NearestLaw(

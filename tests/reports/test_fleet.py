@@ -3,8 +3,7 @@
 from made_diagnoses import made_diagnosis, made_effect
 
 from gpsim.diagnosis.report import Alternative, Estimate
-from gpsim.reports.fleet import Robot, deviations, headline
-from gpsim.reports.fleet_page import ODD, fleet_page, fleet_picture
+from gpsim.reports.fleet import ODD, Robot, deviations, fleet_page, fleet_picture, headline
 
 
 def spring(value, half=0.1, **changes):
