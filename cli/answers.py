@@ -1,15 +1,11 @@
-"""`--json`: one object on stdout, of every command; what is printed for people goes to stderr then.
-
-A command says its result with `answer`; what was warned of is there already. The object is printed when the command
-has ended, well or not: docs/reference/json.md and schema.json describe it.
-"""
+"""What the commands print, letter by letter, and `--json`: one object on stdout, of every command."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -17,10 +13,12 @@ from pathlib import Path
 from typing import Annotated, Any, TextIO
 
 import typer
+from rich.console import Console
 
 from gpsim.files import plain
+from gpsim.reports.sheets import printable
 
-from .everywhere import Flag
+from .everywhere import QUIET, Flag
 from .everywhere import Path as CommandPath
 
 SCHEMA = "gpsim.cli/1"
@@ -159,3 +157,37 @@ def finish(code: int, message: str = "") -> None:
     now.release()
     ANSWER.set(None)
     print(json.dumps(plain(now.object(code, message)), allow_nan=False), flush=True)
+
+
+PLAIN = str.maketrans(
+    dict.fromkeys("█▉▊▋▌", "#") | dict.fromkeys("▍▎▏", ".") | dict(zip("–…·²³→±", "-.-23>~", strict=True))
+)
+"""For a terminal that has ASCII alone: a letter for a letter, so that tables stay tables."""
+
+
+def say(line: object = "") -> None:
+    """Print one line, or several, without control characters: with --json to stderr, and then not if --quiet."""
+    if _nobody_reads():
+        return
+    text = printable(line)
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        text = text.translate(PLAIN).encode(encoding, "replace").decode(encoding)
+    typer.echo(text)
+
+
+def say_all(lines: Iterable[object], indent: str = "") -> None:
+    """Print lines, each for itself."""
+    for line in lines:
+        say(f"{indent}{line}")
+
+
+def console(width: int | None = None, *, highlight: bool = True) -> Console:
+    """Where tables are printed, as `say` prints lines."""
+    return Console(width=width, highlight=highlight, quiet=_nobody_reads())
+
+
+def _nobody_reads() -> bool:
+    return asked() and QUIET.get()

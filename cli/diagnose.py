@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,22 +12,20 @@ import typer
 from gpsim.errors import UsageError
 
 from . import completion
-from .answers import answer
-from .cores import CORES
+from .answers import answer, say, say_all
+from .everywhere import named, named_effects
 from .fleet import diagnose_each, refuse_several
-from .launching import refuse_launcher
-from .options import ConfigDir, DryRun, ShowConfig, configured, show_standing, shown_words, split_words
-from .pace import DIAGNOSIS, MUJOCO
-from .printing import say
-from .progress import caution, note, saying_once, single_progress, warn
-from .trusting import named, named_effects
+from .launching import CORES, refuse_launcher
+from .options import DryRun, Setup, say_made, split_words, spread
+from .progress import DIAGNOSIS, MUJOCO, caution, note, warn
 
 COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
 
 if TYPE_CHECKING:
+    from gpsim.diagnosis import Diagnosis
     from gpsim.stages.raw_logs import RawLog
 
-Words = Annotated[
+RecordingWords = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING]... [KEY=VALUE]...",
@@ -84,8 +83,16 @@ Explain = Annotated[
 ]
 
 
+@dataclass
+class DiagnoseSetup(Setup):
+    """Recordings stand before the settings."""
+
+    words: RecordingWords = None
+
+
+@spread
 def diagnose_command(
-    words: Words = None,
+    *,
     simulator: SimulatorName = None,
     mapping: MappingName = None,
     out: Out = None,
@@ -94,12 +101,11 @@ def diagnose_command(
     explain: Explain = False,
     cores: Cores = None,
     effects: Effects = None,
-    config_dir: ConfigDir = None,
-    show_config: ShowConfig = False,
+    given: DiagnoseSetup,
     dry_run: DryRun = False,
 ) -> None:
     """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
-    recordings, settings = split_words(words or [])
+    recordings, settings = split_words(given.words or [])
     named(simulator, settings)
     own = named_effects(effects)
     if not each:
@@ -116,7 +122,8 @@ def diagnose_command(
         _refuse(settings)
     elif mapping is not None:
         raise UsageError("diagnose: --mapping goes with a raw log, as: gpsim diagnose my.bag --mapping FILE")
-    config = configured(settings, config_dir, show_config)
+    setup = replace(given, words=settings)
+    config = setup.config
 
     def read(path: Path) -> Path:
         found, rest = _raw(path, of_log, simulator, mapping, None)
@@ -124,25 +131,19 @@ def diagnose_command(
         return path if found is None else _imported(found, config)
 
     if each:
-        diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores, own)
+        diagnose_each(recordings, simulator, read, setup.request(out=out, cores=cores or CORES), own)
         return
     refuse_launcher("diagnose", settings)
     if score is not None:
-        _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
+        _score(setup, score, recording, simulator, out, dry_run, cores or CORES)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.kernels import is_compiled
-    from gpsim.mjcf import is_mujoco, notes_of
-    from gpsim.reports.account import account_of
-    from gpsim.reports.account_lines import account_lines
-    from gpsim.reports.diagnosis_text import not_asked_lines, ranking
-    from gpsim.reports.statistics_text import trace_lines
+    from gpsim.mjcf import is_mujoco
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
-    from gpsim.stages.diagnosis_files import read_trace
     from gpsim.stages.figures import diagnosis_figures, paths_of
     from gpsim.stages.fleet import recordings_in
-    from gpsim.stages.stage import Request
 
     if recording is None and simulator is not None:
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
@@ -153,75 +154,79 @@ def diagnose_command(
         raise UsageError(
             "diagnose: --effects goes with a RECORDING, as: gpsim diagnose rec --effects my_effects.py"
         )
-    task = (
-        Task(recording, simulator, config["diagnose"]["episodes"], effects=own)
-        if recording is not None
-        else None
-    )
+    task, episodes = None, config["diagnose"]["episodes"]
     if len(recordings) > 1:
         together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
-        task = Task.of(together, simulator, config["diagnose"]["episodes"], own)
-    stage = stage_for(task) if task else diagnose_loop.STAGE
-    if dry_run:
-        show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
-        return
+        task = Task.of(together, simulator, episodes, own)
+    elif recording is not None:
+        task = Task(recording, simulator, episodes, effects=own)
     model = simulator is not None and is_mujoco(simulator)
-    with single_progress("diagnose", MUJOCO if model else DIAGNOSIS) as progress:
-        told = progress if is_compiled() else saying_once(progress, COMPILES)
-        request = Request(config, shown_words(settings, config_dir), told, out, cores=cores or CORES)
-        artifact, existed = stage.make(request)
-    warn(artifact.path)
+    made = setup.make(
+        stage_for(task) if task else diagnose_loop.STAGE,
+        out,
+        dry_run,
+        MUJOCO if model else DIAGNOSIS,
+        None if is_compiled() else COMPILES,
+        cores=cores or CORES,
+    )
+    if made is None:
+        return
+    artifact, existed = made
     found = read_diagnosis(artifact.path)
-    for line in not_asked_lines(found.not_asked):
-        caution(line)
     name = artifact.manifest["config"].get("simulator")
-    for line in notes_of(name) if task else ():
-        caution(f"{name}, not as its file says: {line}")
-    for text in account_lines(account_of(found, str(artifact.path), name)):
-        say(text)
-    if explain:
-        say("\nEvery hypothesis that was fitted: nats behind the best, integration, explanation.")
-        for line in ranking(found):
-            say(line)
-        say(
-            "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."
-        )
-        for line in trace_lines(read_trace(artifact.path)):
-            say(line)
-    say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+    _tell(found, artifact.path, name, of_task=task is not None, explain=explain)
+    say_made(artifact, existed)
     answer(paths_of("diagnose", artifact.path), made=not existed, simulator=name, **diagnosis_figures(found))
 
 
+def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, explain: bool) -> None:
+    """Print the account, behind what a reader of it has to know."""
+    from gpsim.mjcf import notes_of
+    from gpsim.reports.account import account_of
+    from gpsim.reports.account_lines import account_lines
+    from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+    from gpsim.reports.statistics_text import trace_lines
+    from gpsim.stages.diagnosis_files import read_trace
+
+    for line in not_asked_lines(found.not_asked):
+        caution(line)
+    for line in notes_of(simulator) if of_task else ():
+        caution(f"{simulator}, not as its file says: {line}")
+    say_all(account_lines(account_of(found, str(folder), simulator)))
+    if explain:
+        say("\nEvery hypothesis that was fitted: nats behind the best, integration, explanation.")
+        say_all(ranking(found))
+        say(
+            "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."
+        )
+        say_all(trace_lines(read_trace(folder)))
+
+
 def _score(
+    setup: Setup,
     diagnosis: Path,
     recording: Path | None,
     simulator: str | None,
     out: Path | None,
-    config: dict[str, Any],
-    words: tuple[str, ...],
-    cores: int | None,
     dry_run: bool,
+    cores: int,
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.statistics_text import score_lines
     from gpsim.stages.diagnose_loop import read_score, score_stage
     from gpsim.stages.figures import paths_of, score_figures
-    from gpsim.stages.stage import Request
 
     if recording is None:
         raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
-    if dry_run:
-        show_standing(score_stage(diagnosis, recording, simulator), Request(config, words, out=out))
+    made = setup.make(score_stage(diagnosis, recording, simulator), out, dry_run, cores=cores)
+    if made is None:
         return
-    with single_progress("score") as progress:
-        request = Request(config, words, progress, out, cores=cores or CORES)
-        artifact, existed = score_stage(diagnosis, recording, simulator).make(request)
+    artifact, existed = made
     found = read_score(artifact.path)
-    for line in score_lines(found):
-        say(line)
-    say(f"score: {artifact.path}{' (already there)' if existed else ''}")
-    made = paths_of("score", artifact.path) | {"diagnosis": diagnosis, "recording": recording}
-    answer(made, made=not existed, score=score_figures(found))
+    say_all(score_lines(found))
+    say_made(artifact, existed)
+    paths = paths_of("score", artifact.path) | {"diagnosis": diagnosis, "recording": recording}
+    answer(paths, made=not existed, score=score_figures(found))
 
 
 def _raw(

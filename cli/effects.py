@@ -10,10 +10,9 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .answers import answer
-from .printing import say
+from .answers import answer, say
+from .everywhere import named_effects
 from .progress import note
-from .trusting import named_effects
 
 if TYPE_CHECKING:
     from gpsim.effects import Brought

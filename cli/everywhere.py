@@ -1,14 +1,17 @@
-"""Options that every command has, before it or behind it: added in one place."""
+"""Options that every command has, before it or behind it: added in one place; --quiet and --trust are two."""
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
+
+from gpsim.trust import consent, trust_data
 
 Path = tuple[str, ...]
 """Where a command stands: ("run", "full-loop"); () is gpsim itself."""
@@ -25,6 +28,10 @@ class Flag:
     annotation: Any
     heard: Callable[[Path], None]
     begins: Callable[[Path], None] = lambda path: None
+
+
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
 
 def add_everywhere(app: typer.Typer, flag: Flag, path: Path = ()) -> None:
@@ -59,3 +66,56 @@ def _with(function: Callable[..., Any], flag: Flag, path: Path) -> Callable[...,
     heard.__annotations__ = {**hints, flag.name: flag.annotation}
     del heard.__wrapped__  # whoever asks for the signature gets this one
     return heard
+
+
+QUIET_NAME = "quiet"
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr: results and errors alone.")
+]
+
+
+def _hush(path: Path) -> None:
+    QUIET.set(True)
+
+
+QUIETLY = Flag(QUIET_NAME, Quiet, _hush)
+
+
+TRUST_NAME = "trust"
+TRUST_OPTION = "--trust"
+Trust = Annotated[
+    bool,
+    typer.Option(
+        TRUST_OPTION, help="Run Python files and modules that recordings, mappings and diagnoses name."
+    ),
+]
+NAMING = ("system", "model")
+"""Words about a raw log that name a simulator."""
+
+
+def _trust(path: Path) -> None:
+    trust_data()
+
+
+TRUSTINGLY = Flag(TRUST_NAME, Trust, _trust)
+
+
+def named(simulator: str | None, words: Iterable[str] = ()) -> None:
+    """The user names this simulator, and those that the words about a raw log name."""
+    consent(simulator)
+    for word in words:
+        key, _, value = word.partition("=")
+        if key in NAMING:
+            consent(value)
+
+
+def named_effects(references: Iterable[str] | None) -> tuple[str, ...]:
+    """The user names these files of effects."""
+    if not references:
+        return ()
+    from gpsim.effects import consent_to  # it loads NumPy, which `--help` does not wait for
+
+    given = tuple(references or ())
+    for reference in given:
+        consent_to(reference)
+    return given

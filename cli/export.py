@@ -10,9 +10,8 @@ import typer
 from gpsim.errors import UsageError
 
 from . import completion
-from .answers import answer
+from .answers import answer, say, say_all
 from .options import ConfigDir, Words, shown_words
-from .printing import say
 
 export_app = typer.Typer(
     help="Write a recording, a diagnosis or a policy in the formats of other programs.", no_args_is_help=True
@@ -45,8 +44,7 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
 
     notes = export_recording(path, form, out)
     say(f"export: {out}")
-    for line in notes:
-        say(f"  {line}")
+    say_all(notes, "  ")
     answer({"recording": path, "export": out}, format=form, notes=notes)
 
 
@@ -82,8 +80,7 @@ def diagnosis_command(
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
     say(f"export: {made}")
-    for line in notes:
-        say(f"  {line}")
+    say_all(notes, "  ")
     answer({"diagnosis": folder, "export": made}, format="mcap", notes=notes)
 
 
@@ -102,8 +99,7 @@ def model_command(folder: Diagnosed, out: OutModel) -> None:
 
     made, notes = export_corrected_model(folder, out)
     say(f"export: {out}")
-    for line in notes:
-        say(f"  {line}")
+    say_all(notes, "  ")
     answer({"diagnosis": folder, "export": out}, notes=notes, **told(made))
 
 
@@ -148,6 +144,5 @@ def policy_command(
     watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
     notes = export_policy(path, out, watched)
     say(f"export: {out}")
-    for line in notes:
-        say(f"  {line}")
+    say_all(notes, "  ")
     answer({"policy": path, "export": out}, notes=notes)

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-from rich.text import Text
+from typing import TYPE_CHECKING
 
 from gpsim.errors import UsageError
-from gpsim.reports.sheets import literal
 
-from .answers import answer, warned
-from .cores import CORES
+from .answers import answer, say, say_all
 from .launching import launcher_of
-from .printing import say
-from .progress import Board, warn
+from .progress import Board
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
     from gpsim.stages.fleet import Fleet
+    from gpsim.stages.stage import Request
 
 
 def refuse_several(recordings: Sequence[Path], score: Path | None) -> None:
@@ -42,10 +38,7 @@ def diagnose_each(
     recordings: Sequence[Path],
     simulator: str | None,
     read: Callable[[Path], Path],
-    out: Path | None,
-    config: dict[str, Any],
-    words: tuple[str, ...],
-    cores: int | None,
+    request: Request,
     effects: tuple[str, ...] = (),
 ) -> None:
     """Print an account a recording, then which robots differ, and where the page lies.
@@ -54,30 +47,24 @@ def diagnose_each(
     """
     from gpsim.stages import fleet
     from gpsim.stages.diagnose import Task
-    from gpsim.stages.stage import Request
 
     def task_of(path: Path) -> Task | str:
         try:
-            return Task(read(path), simulator, config["diagnose"]["episodes"], effects=effects)
+            return Task(read(path), simulator, request.config["diagnose"]["episodes"], effects=effects)
         except UsageError as error:
             return str(error)
 
-    launcher = launcher_of(config, cores or CORES)
+    launcher = launcher_of(request.config, request.cores)
     tasks = {name: task_of(path) for name, path in fleet.recordings_in(recordings, simulator).items()}
     places: dict[str, Path] = {}
     with Board(len(tasks)) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             places[job] = artifact.path
-            mark = Text("kept", "dim") if existed else Text("made", "green")
-            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
-            warn(artifact.path)
+            board.made(job, artifact, existed)
 
-        def failed(job: str, why: str) -> None:
-            board.finish(job, Text("failed", "red") + literal(f" {job:<34} {why}"))
-            warned(f"{job}: {why}")
-
-        found = fleet.run(Request(config, words, out=out), tasks, launcher, board.update, finished, failed)
+        alone = replace(request, cores=1)
+        found = fleet.run(alone, tasks, launcher, board.update, finished, board.failed)
     _tell(found, places, simulator)
     if found.failed:
         raise UsageError(
@@ -97,19 +84,14 @@ def _tell(found: Fleet, places: dict[str, Path], simulator: str | None) -> None:
         lines = [robot.error]
         if robot.diagnosis is not None:
             lines = account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator))
-        for line in lines:
-            say(f"  {line}")
+        say_all(lines, "  ")
         say()
     say(f"Fleet    {found.said}")
-    for difference in found.found:
-        say(f"  {difference.sentence}")
-    say(f"diagnose: {found.artifact.path / fleet.PAGE}")
+    say_all((difference.sentence for difference in found.found), "  ")
+    folder = found.artifact.path
+    say(f"diagnose: {folder / fleet.PAGE}")
     answer(
-        {
-            "folder": found.artifact.path,
-            "fleet": found.artifact.path / fleet.FACTS,
-            "report": found.artifact.path / fleet.PAGE,
-        },
+        {"folder": folder, "fleet": folder / fleet.FACTS, "report": folder / fleet.PAGE},
         said=found.said,
         robots=[
             {

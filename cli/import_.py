@@ -12,10 +12,9 @@ from gpsim.errors import UsageError
 from gpsim.reports.sheets import printable
 
 from . import completion
-from .answers import answer, asked, warned
-from .printing import console, say
+from .answers import answer, asked, console, say, warned
+from .everywhere import named
 from .progress import caution, warn
-from .trusting import named
 
 Sources = Annotated[
     list[str],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,17 @@ from .progress import note
 
 if TYPE_CHECKING:
     from gpsim.launchers import Launcher
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on: fewer than the machine's in a batch job, a container or under taskset."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
+        return len(os.sched_getaffinity(0)) or 1
+    return os.cpu_count() or 1
+
+
+CORES = usable_cores()
+
 
 _WORD = re.compile(r"[+~]{0,2}launcher([.@=]|$)")
 KEPT = "launcher words"

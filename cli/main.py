@@ -25,23 +25,18 @@ from gpsim.trust import trusting
 from gpsim.workers import ends_when_asked
 
 from . import answers
-from .deploy import deploy_command
+from .after import deploy_command, plan_command, watch_command
 from .diagnose import diagnose_command
 from .effects import effects_app
-from .everywhere import add_everywhere
+from .everywhere import QUIET, QUIETLY, TRUSTINGLY, add_everywhere
 from .export import export_app
 from .import_ import import_command
-from .plan import plan_command
-from .progress import INTERRUPTED, QUIET
+from .progress import INTERRUPTED
 from .prove import prove_app
-from .quiet import FLAG as QUIETLY
-from .run import report_command, run_app, status_command
+from .run import report_command, run_app, status_command, sweep_command
 from .runs import runs_app
 from .simulators import simulators_app
 from .stages import add_stages
-from .sweep import sweep_command
-from .trusting import FLAG as TRUSTINGLY
-from .watch import watch_command
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -98,68 +93,28 @@ def _root(
 
 add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
-app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
-app.command(
-    "sweep",
-    short_help="Make a stage for every combination of settings.",
-    rich_help_panel="Everything at once",
-)(sweep_command)
-app.command(
-    "diagnose", short_help="Say which physics the simulator lacks.", rich_help_panel="Everything at once"
-)(diagnose_command)
-app.command(
-    "deploy",
-    short_help="Watch recorded drives of a policy as a monitor would have.",
-    rich_help_panel="Everything at once",
-)(deploy_command)
-app.command(
-    "plan",
-    short_help="Plan the next recording: what tells apart, safely.",
-    rich_help_panel="Everything at once",
-)(plan_command)
-app.command(
-    "watch",
-    short_help="Say of new recordings whether an old account still holds.",
-    rich_help_panel="Everything at once",
-)(watch_command)
-app.add_typer(
-    prove_app,
-    name="prove",
-    short_help="Conceal worlds, diagnose them blind, reveal and score.",
-    rich_help_panel="Everything at once",
+ONCE, INOUT, THERE = "Everything at once", "Recordings in and out", "What is there"
+PANELS: tuple[tuple[str, str, Any, str | None], ...] = (
+    (ONCE, "run", run_app, None),
+    (ONCE, "sweep", sweep_command, "Make a stage for every combination of settings."),
+    (ONCE, "diagnose", diagnose_command, "Say which physics the simulator lacks."),
+    (ONCE, "deploy", deploy_command, "Watch recorded drives of a policy as a monitor would have."),
+    (ONCE, "plan", plan_command, "Plan the next recording: what tells apart, safely."),
+    (ONCE, "watch", watch_command, "Say of new recordings whether an old account still holds."),
+    (ONCE, "prove", prove_app, "Conceal worlds, diagnose them blind, reveal and score."),
+    (INOUT, "import", import_command, "Make a recording of raw logs."),
+    (INOUT, "export", export_app, "Write a recording, diagnosis or policy for other programs."),
+    (THERE, "status", status_command, "Say what is there of a loop, what would be made, and why."),
+    (THERE, "runs", runs_app, "List, show, compare and remove what is in runs/."),
+    (THERE, "simulators", simulators_app, "List simulators, show one, check a MuJoCo model."),
+    (THERE, "effects", effects_app, "List effects, show one, begin one of your own and check it."),
 )
-app.command("import", short_help="Make a recording of raw logs.", rich_help_panel="Recordings in and out")(
-    import_command
-)
-app.add_typer(
-    export_app,
-    name="export",
-    short_help="Write a recording, diagnosis or policy for other programs.",
-    rich_help_panel="Recordings in and out",
-)
-app.command(
-    "status",
-    short_help="Say what is there of a loop, what would be made, and why.",
-    rich_help_panel="What is there",
-)(status_command)
-app.add_typer(
-    runs_app,
-    name="runs",
-    short_help="List, show, compare and remove what is in runs/.",
-    rich_help_panel="What is there",
-)
-app.add_typer(
-    simulators_app,
-    name="simulators",
-    short_help="List simulators, show one, check a MuJoCo model.",
-    rich_help_panel="What is there",
-)
-app.add_typer(
-    effects_app,
-    name="effects",
-    short_help="List effects, show one, begin one of your own and check it.",
-    rich_help_panel="What is there",
-)
+"""Where a command stands in `gpsim --help`, and its line there."""
+for panel, name, command, line in PANELS:
+    if isinstance(command, typer.Typer):
+        app.add_typer(command, name=name, rich_help_panel=panel, **({"short_help": line} if line else {}))
+    else:
+        app.command(name, short_help=line, rich_help_panel=panel)(command)
 add_everywhere(app, QUIETLY)
 add_everywhere(app, answers.FLAG)
 add_everywhere(app, TRUSTINGLY)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from gpsim.errors import UsageError
 
 from . import completion
-from .answers import answer, asked, warned
+from .answers import answer, asked, say, say_all, warned
 from .launching import refuse_launcher, says_where
-from .printing import say
-from .progress import single_progress, warn
+from .progress import EVEN, Shares, saying_once, single_progress, warn
 
 if TYPE_CHECKING:
+    from gpsim.artifacts import Artifact
     from gpsim.stages.stage import Request, Stage
 
 Words = Annotated[
@@ -62,19 +64,85 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
             raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
 
 
-def configured(
-    words: Sequence[str] | None, config_dir: Path | None, show_config: bool = False
-) -> dict[str, Any]:
-    """The resolved configuration; with --show-config it is printed, and the command ends there."""
-    from .configuration import as_yaml, plain, resolve  # Hydra is no part of `--help`
+def spread(function: Callable[..., None]) -> Callable[..., None]:
+    """A command of which a parameter may be a dataclass of options: Typer is shown its fields, each as an option."""
+    hints = get_type_hints(function, include_extras=True)
+    kinds = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
+    shown: list[inspect.Parameter] = []
+    for parameter in inspect.signature(function).parameters.values():
+        if (kind := kinds.get(parameter.name)) is None:
+            shown.append(parameter.replace(annotation=hints[parameter.name]))
+            continue
+        own = get_type_hints(kind, include_extras=True)
+        shown += [
+            inspect.Parameter(f.name, parameter.kind, default=f.default, annotation=own[f.name])
+            for f in dataclasses.fields(kind)
+        ]
 
-    config = resolve(words or [], config_dir)
-    if not show_config:
-        return config
-    answer(config=plain(config))
-    if not asked():
-        typer.echo(as_yaml(config), nl=False)
-    raise typer.Exit
+    def command(**given: Any) -> None:
+        for name, kind in kinds.items():
+            given[name] = kind(**{f.name: given.pop(f.name) for f in dataclasses.fields(kind)})
+        function(**given)
+
+    command.__doc__, command.__name__ = function.__doc__, function.__name__
+    command.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    return command
+
+
+@dataclasses.dataclass
+class Setup:
+    """What a command is told of the configuration."""
+
+    words: Words = None
+    config_dir: ConfigDir = None
+    show_config: ShowConfig = False
+
+    @cached_property
+    def config(self) -> dict[str, Any]:
+        """The resolved configuration; with --show-config it is printed, and the command ends there."""
+        from .configuration import as_yaml, plain, resolve  # Hydra is no part of `--help`
+
+        config = resolve(self.words or [], self.config_dir)
+        if not self.show_config:
+            return config
+        answer(config=plain(config))
+        if not asked():
+            typer.echo(as_yaml(config), nl=False)
+        raise typer.Exit
+
+    def request(self, **more: Any) -> Request:
+        """What a stage is asked for; more: what else it is told."""
+        from gpsim.stages.stage import Request
+
+        return Request(self.config, shown_words(self.words, self.config_dir), **more)
+
+    def make(
+        self,
+        stage: Stage,
+        out: Path | None = None,
+        dry_run: bool = False,
+        shares: Shares = EVEN,
+        once: str | None = None,
+        **more: Any,
+    ) -> tuple[Artifact, bool] | None:
+        """A stage's artifact, and whether it existed; of a dry run None, and how it stands with it is printed.
+
+        once: a line that is said when something is done.
+        """
+        if dry_run:
+            show_standing(stage, self.request(out=out))
+            return None
+        with single_progress(stage.name, shares) as progress:
+            told = saying_once(progress, once) if once else progress
+            artifact, existed = stage.make(self.request(progress=told, out=out, **more))
+        warn(artifact.path)
+        return artifact, existed
+
+
+def say_made(artifact: Artifact, existed: bool) -> None:
+    """Where it lies."""
+    say(f"{artifact.stage}: {artifact.path}{' (already there)' if existed else ''}")
 
 
 def told(lines: Iterable[str]) -> list[str]:
@@ -91,34 +159,20 @@ def told(lines: Iterable[str]) -> list[str]:
 WARNING = "warning: "  # begins a note that is one
 
 
-def run_stage(
-    name: str,
-    config: dict[str, object],
-    words: tuple[str, ...],
-    config_dir: Path | None,
-    out: Path | None,
-    dry_run: bool = False,
-) -> None:
+def run_stage(stage: Stage, setup: Setup, out: Path | None, dry_run: bool = False) -> None:
     """Make a stage's artifact and print where it lies; of a dry run only how it stands with it."""
-    # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    refuse_launcher(name, words)
-    from gpsim.stages import registry
+    request = setup.request()  # first of all: --show-config ends here
+    refuse_launcher(stage.name, setup.words or ())
     from gpsim.stages.figures import figures_of, paths_of
-    from gpsim.stages.stage import Request
 
-    if dry_run:
-        show_standing(registry.STAGES[name], Request(config, shown_words(words, config_dir), out=out))
+    if (made := setup.make(stage, out, dry_run)) is None:
         return
-    with single_progress(name) as progress:
-        request = Request(config, shown_words(words, config_dir), progress, out)
-        artifact, existed = registry.STAGES[name].make(request)
-    warn(artifact.path)
-    say(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
-    notes = registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact)
-    for line in notes:
-        say(f"  {line}")
+    artifact, existed = made
+    say_made(artifact, existed)
+    notes = stage.remarks(request) + stage.notes(artifact)
+    say_all(notes, "  ")
     figures = figures_of(artifact) if asked() else {}
-    answer(paths_of(name, artifact.path), made=not existed, notes=told(notes), figures=figures)
+    answer(paths_of(stage.name, artifact.path), made=not existed, notes=told(notes), figures=figures)
 
 
 def show_standing(stage: Stage, request: Request) -> None:
@@ -127,6 +181,5 @@ def show_standing(stage: Stage, request: Request) -> None:
     from gpsim.stages.runs import standing_of
 
     standing = standing_of(stage, request)
-    for line in dry_run_lines(standing):
-        say(line)
-    answer(dry_run=True, standing=asdict(standing))
+    say_all(dry_run_lines(standing))
+    answer(dry_run=True, standing=dataclasses.asdict(standing))

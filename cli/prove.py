@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,13 +12,11 @@ from gpsim.errors import UsageError
 
 from . import completion
 from .answers import NAME as AS_JSON
-from .answers import answer
-from .cores import CORES
-from .launching import KEPT, LauncherWords, launcher_from_words
-from .options import Jobs
-from .printing import console, say
+from .answers import answer, console, say, say_all
+from .everywhere import QUIET_NAME
+from .launching import CORES, KEPT, LauncherWords, launcher_from_words
+from .options import Jobs, spread
 from .progress import single_progress
-from .quiet import NAME as QUIET
 
 if TYPE_CHECKING:
     from gpsim.launchers import Launcher
@@ -82,27 +81,67 @@ System = Annotated[
         "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
     ),
 ]
-Answers = Annotated[
-    Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
-]
 Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
 
 
+Answers = Annotated[
+    Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
+]
+MISSES = {
+    "rough": "{} of {} rough worlds not right in all, listed in the page",
+    "machines": "{} of {} machines not right in all, listed in the page",
+    "whole": "{} of {} whole robots not right in all, listed in the page",
+    "curves": "{} of {} laws of no family not right in all, listed in the page",
+    "plans": "{} of {} worlds for plans missed",
+    "mjcf": "{} misses of {} robots, listed in the page",
+}
+"""A line on each group of worlds beside the plain ones: how many misses of how many."""
+
+
+@dataclass(frozen=True)
+class Worlds:
+    """Which worlds are drawn, and by how many processes."""
+
+    trials: Trials = 40
+    seed: Seed = 1
+    jobs: Jobs = CORES
+    stratum: Strata = None
+    long: Long = True
+    rough: Rough = 0
+    machines: Machines = 0
+    robots: Robots = 0
+    curves: Curves = 0
+    plan: Plans = 0
+    system: System = None
+
+    def numbers(self) -> list[int]:
+        """The numbers of the worlds; raises UsageError for options that do not go together."""
+        from gpsim.stages import prove
+
+        others = self.rough, self.machines, self.curves, self.plan
+        if self.system not in (None, prove.MJCF):
+            raise UsageError(
+                f"--system {self.system}: there is mjcf, and without the option the worlds that gpsim simulates"
+            )
+        if self.system and (any(others) or not self.long):
+            raise UsageError(
+                "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
+                "leave --rough, --machines, --curves, --plan and --no-long out"
+            )
+        if self.robots and not self.system:
+            raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
+        if self.system:
+            return prove.robots_numbers(self.trials, self.stratum or (), self.robots)
+        return prove.numbers_of(self.trials, self.stratum or (), self.long, *others)
+
+
 @prove_app.callback()
+@spread
 def prove_command(
+    *,
     context: typer.Context,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the proof; it is resumed.")] = None,
-    trials: Trials = 40,
-    seed: Seed = 1,
-    jobs: Jobs = CORES,
-    stratum: Strata = None,
-    long: Long = True,
-    rough: Rough = 0,
-    machines: Machines = 0,
-    robots: Robots = 0,
-    curves: Curves = 0,
-    plan: Plans = 0,
-    system: System = None,
+    worlds: Worlds,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
     if context.invoked_subcommand is not None:
@@ -112,11 +151,9 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(
-        context, out, trials, seed, jobs, stratum, long, rough, machines, robots, curves, plan, system
-    )  # fmt: skip
-    diagnose_command(context, out, jobs)
-    reveal_command(context, out, None, jobs)
+    _conceal(context, out, worlds)
+    diagnose_command(context, out, worlds.jobs)
+    reveal_command(context, out, None, worlds.jobs)
 
 
 def _launcher(context: typer.Context, jobs: int) -> Launcher:
@@ -125,7 +162,7 @@ def _launcher(context: typer.Context, jobs: int) -> Launcher:
 
 def _refuse_options(context: typer.Context, step: str) -> None:
     """What stands before a step would be ignored."""
-    for option in (option for option in context.command.params if option.name not in (QUIET, AS_JSON)):
+    for option in (option for option in context.command.params if option.name not in (QUIET_NAME, AS_JSON)):
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
@@ -135,44 +172,20 @@ def _refuse_options(context: typer.Context, step: str) -> None:
 
 
 @prove_app.command("conceal")
-def conceal_command(
-    context: typer.Context,
-    out: Out,
-    trials: Trials = 40,
-    seed: Seed = 1,
-    jobs: Jobs = CORES,
-    stratum: Strata = None,
-    long: Long = True,
-    rough: Rough = 0,
-    machines: Machines = 0,
-    robots: Robots = 0,
-    curves: Curves = 0,
-    plan: Plans = 0,
-    system: System = None,
-) -> None:
+@spread
+def conceal_command(*, context: typer.Context, out: Out, worlds: Worlds) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
+    _conceal(context, out, worlds)
+
+
+def _conceal(context: typer.Context, out: Path, worlds: Worlds) -> None:
     from gpsim.stages import prove
 
-    if system not in (None, prove.MJCF):
-        raise UsageError(
-            f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
-        )
-    if system and (rough or machines or curves or plan or not long):
-        raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
-            "leave --rough, --machines, --curves, --plan and --no-long out"
-        )
-    if robots and not system:
-        raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
-    if system:
-        numbers = prove.robots_numbers(trials, stratum or (), robots)
-    else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, curves, plan)
-    launcher = _launcher(context, jobs)
+    numbers, launcher = worlds.numbers(), _launcher(context, worlds.jobs)
     with single_progress("conceal") as progress:
-        prove.conceal(out, seed, numbers, launcher, progress)
+        prove.conceal(out, worlds.seed, numbers, launcher, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
-    answer({"public": out / "public", "answers": out / "private"}, seed=seed, worlds=len(numbers))
+    answer({"public": out / "public", "answers": out / "private"}, seed=worlds.seed, worlds=len(numbers))
 
 
 @prove_app.command("diagnose")
@@ -202,28 +215,12 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
         printer.print(terminal_table(sheet, {}))
     if plain := content["all"]["n"] + content["long"]["n"]:
         say(f"{len(content['misses'])} misses of {plain}, listed in the page")
-    if "rough" in content:
-        misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
-        say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
-    if "machines" in content:
-        say(
-            f"{len(content['machines']['misses'])} of {content['machines']['n']} machines not right in all, "
-            "listed in the page"
-        )
-    if "whole" in content:
-        misses, worlds = len(content["whole"]["misses"]), content["whole"]["n"]
-        say(f"{misses} of {worlds} whole robots not right in all, listed in the page")
-    if "curves" in content:
-        misses, worlds = len(content["curves"]["misses"]), content["curves"]["n"]
-        say(f"{misses} of {worlds} laws of no family not right in all, listed in the page")
-    if "plans" in content:
-        say(f"{len(content['plans']['misses'])} of {content['plans']['drawn']} worlds for plans missed")
-    if "mjcf" in content:
-        say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
-    for line in beside(content):
-        say(line)
-    say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
+    for part, said in MISSES.items():
+        if (block := content.get(part)) is not None:
+            say(said.format(len(block["misses"]), block["drawn" if part == "plans" else "n"]))
+    say_all(beside(content))
     made = {"summary": out / "prove.json", "report": out / "report.html", "record": out / "record.md"}
+    say(f"reveal: {', '.join(map(str, made.values()))}")
     answer(made, summary={key: value for key, value in content.items() if key not in IN_FULL})
 
 

@@ -1,28 +1,26 @@
-"""`gpsim run full-loop`: the whole experiment in one command."""
+"""Several stages at once, and how they stand: `gpsim run`, `gpsim sweep`, `gpsim status`, `gpsim report`."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from gpsim.errors import UsageError
-from gpsim.reports.sheets import literal
 
-from .answers import answer, asked
-from .cores import CORES
-from .launching import launcher_of
-from .options import ConfigDir, DryRun, Jobs, ShowConfig, Words, configured, show_standing, shown_words, told
-from .printing import console, say
-from .progress import Board, note, single_progress, warn
+from .answers import answer, asked, console, say, say_all
+from .launching import CORES, launcher_of
+from .options import ConfigDir, DryRun, Jobs, Setup, show_standing, shown_words, spread, told
+from .progress import Board, note, single_progress
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
+    from gpsim.stages.grid import Point
+    from gpsim.stages.stage import Request
 
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
@@ -36,111 +34,102 @@ def _run() -> None:
     pass
 
 
+def _seeds(request: Request, count: int) -> tuple[int, ...]:
+    return tuple(request.seed + i for i in range(count))
+
+
 @run_app.command("full-loop")
-def full_loop(
-    words: Words = None,
-    seeds: Seeds = 1,
-    jobs: Jobs = CORES,
-    config_dir: ConfigDir = None,
-    show_config: ShowConfig = False,
-    dry_run: DryRun = False,
-) -> None:
+@spread
+def full_loop(*, seeds: Seeds = 1, jobs: Jobs = CORES, setup: Setup, dry_run: DryRun = False) -> None:
     """Run every stage and write the report; keep what exists with the same configuration and parents."""
-    config = configured(words, config_dir, show_config)
+    request = setup.request()
     if dry_run:
-        show_status(config, shown_words(words, config_dir), seeds)
+        show_status(request, seeds)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.loop_page import terminal_notes, terminal_tables
     from gpsim.stages import full_loop as loop
-    from gpsim.stages import report
-    from gpsim.stages.stage import Request
 
     started = time.monotonic()
-    request = Request(config, shown_words(words, config_dir))
-    chosen = tuple(request.seed + i for i in range(seeds))
-    launcher = launcher_of(config, jobs)
+    chosen, launcher = _seeds(request, seeds), launcher_of(setup.config, jobs)
     jobs_done: list[dict[str, object]] = []
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
-            mark = Text("kept", "dim") if existed else Text("made", "green")
-            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
-            warn(artifact.path)
+            board.made(job, artifact, existed)
             jobs_done.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
         loop.run(request, chosen, launcher, board.update, finished)
-        artifact, _ = report.stage_for(chosen).make(request)
-        gathered = report.gather(request, chosen)
-        tables, notes = terminal_tables(gathered), terminal_notes(gathered)
+        show = _reported(request, chosen)
     note(f"finished in {time.monotonic() - started:.0f} s")
     answer(jobs=jobs_done)
-    show_report(artifact.path, chosen, tables, notes)
+    show()
 
 
 @run_app.command("iterate")
-def iterate(words: Words = None, config_dir: ConfigDir = None, show_config: ShowConfig = False) -> None:
+@spread
+def iterate(*, setup: Setup) -> None:
     """Round after round: deploy the best policy, record, refit, train; what is there already is kept.
 
     rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
     the standard error of that gain, on starts of the target that the evaluation does not use.
     """
-    config = configured(words, config_dir, show_config)
+    setup.request()
     from gpsim.stages import iterate as iterating
-    from gpsim.stages.stage import Request
 
     made: list[dict[str, object]] = []
 
-    def told(what: str, artifact: Artifact, existed: bool) -> None:
+    def done(what: str, artifact: Artifact, existed: bool) -> None:
         say(f"{'kept' if existed else 'made'} {what:<14} {artifact.path}")
         made.append({"job": what, "folder": str(artifact.path.absolute()), "made": not existed})
 
     with single_progress("iterate") as progress:
-        artifact = iterating.run(Request(config, shown_words(words, config_dir), progress), told)
+        artifact = iterating.run(setup.request(progress=progress), done)
     notes = iterating.lines(artifact)
-    for line in notes:
-        say(f"  {line}")
+    say_all(notes, "  ")
     answer({"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}, jobs=made, notes=notes)
 
 
-def status_command(
-    words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
-) -> None:
+@spread
+def status_command(*, seeds: Seeds = 1, setup: Setup) -> None:
     """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
-    config = configured(words, config_dir, show_config)
-    show_status(config, shown_words(words, config_dir), seeds)
+    show_status(setup.request(), seeds)
 
 
-def show_status(config: dict[str, Any], words: tuple[str, ...], seeds: int) -> None:
+def show_status(request: Request, seeds: int) -> None:
     """Print how it stands with a loop; nothing is written."""
     from gpsim.reports.runs_sheets import status_lines
     from gpsim.stages.runs import loop_status
-    from gpsim.stages.stage import Request
 
-    request = Request(config, words)
-    found = loop_status(request, tuple(request.seed + i for i in range(seeds)))
-    for line in status_lines(found):
-        say(line)
+    found = loop_status(request, _seeds(request, seeds))
+    say_all(status_lines(found))
     answer(status=asdict(found))
 
 
-def show_report(folder: Path, seeds: tuple[int, ...], tables: list[Table], notes: list[str]) -> None:
-    """Print the tables, then where the page and the summary lie."""
-    printer = console()
-    if not printer.is_terminal:
-        printer = console(width=120)  # a log has no width of its own
-    for table in tables:
-        printer.print(table)
-        printer.print()
-    for line in notes:
-        say(line)
-    say(f"report: {folder / 'report.html'}")
-    say(folder / "summary.json")  # the path alone on the last line, for programs
-    if asked():
-        from gpsim.stages.figures import evaluation_figures, paths_of
+def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
+    """Make the report; the function that prints its tables, then where the page and the summary lie."""
+    from gpsim.reports.loop_page import terminal_notes, terminal_tables
+    from gpsim.stages import report
+    from gpsim.stages.figures import evaluation_figures, paths_of
 
-        figures = evaluation_figures(folder / "summary.json")
-        answer(paths_of("report", folder), seeds=list(seeds), notes=told(notes), figures=figures)
+    folder = report.stage_for(seeds).make(request)[0].path
+    gathered = report.gather(request, seeds)
+    tables, notes = terminal_tables(gathered), terminal_notes(gathered)
+
+    def show() -> None:
+        printer = console()
+        if not printer.is_terminal:
+            printer = console(width=120)  # a log has no width of its own
+        for table in tables:
+            printer.print(table)
+            printer.print()
+        say_all(notes)
+        say(f"report: {folder / 'report.html'}")
+        say(folder / "summary.json")  # the path alone on the last line, for programs
+        if asked():
+            figures = evaluation_figures(folder / "summary.json")
+            answer(paths_of("report", folder), seeds=list(seeds), notes=told(notes), figures=figures)
+
+    return show
 
 
 Site = Annotated[
@@ -154,50 +143,102 @@ SiteOut = Annotated[
 ]
 
 
+@spread
 def report_command(
-    words: Words = None,
+    *,
     seeds: Reported = 1,
     site: Site = False,
     out: SiteOut = None,
-    config_dir: ConfigDir = None,
-    show_config: ShowConfig = False,
+    setup: Setup,
     dry_run: DryRun = False,
 ) -> None:
     """Tables, figures and one HTML page of a finished loop.
 
     With --site a folder of pages instead: an index over all runs, and every report.
     """
-    config = configured(words, config_dir, show_config)
+    request = setup.request()
     if site and dry_run:
         raise UsageError(
             "report: --dry-run says what would be made in runs/; a site is a copy of what is there"
         )
     if site:
-        _site(Path(str(config["runs_dir"])), out)
+        from gpsim.stages.site import write_site
+
+        index, notes = write_site(Path(str(setup.config["runs_dir"])), out)
+        say(f"site: {index}")
+        say_all(notes, "  ")
+        answer({"site": index}, notes=told(notes))
         return
     if out is not None:
         raise UsageError(
             "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
         )
-    from gpsim.reports.loop_page import terminal_notes, terminal_tables
-    from gpsim.stages import report
+    if dry_run:
+        from gpsim.stages.report import stage_for
+
+        show_standing(stage_for(_seeds(request, seeds)), request)
+        return
+    _reported(request, _seeds(request, seeds))()
+
+
+Swept = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[KEY=VALUE]...",
+        help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
+    ),
+]
+Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
+
+
+def sweep_command(
+    words: Swept = None,
+    of: Of = "evaluate",
+    jobs: Jobs = CORES,
+    config_dir: ConfigDir = None,
+    dry_run: DryRun = False,
+) -> None:
+    """One stage for every combination of settings, in Hydra's sweep grammar; a table and a page at the end."""
+    from .configuration import points_of
+
+    points = _resolved(points_of(words or []), config_dir)
+    launcher = launcher_of(points[0].request.config, jobs)
+    from gpsim.stages import grid  # torch takes seconds to load
+
+    plan = grid.grid_of(points, of)
+    say(f"sweep: {len(points)} points, {len(plan.jobs)} jobs")
+    answer(of=of, points=len(points), jobs=len(plan.jobs))
+    if dry_run:
+        answer(dry_run=True)
+        return
+    with Board(len(plan.jobs)) as board:
+        artifact, missing = grid.run(plan, launcher, board.update, board.made, board.failed)
+    note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
+    made = {"table": grid.CSV, "parquet": grid.PARQUET, "report": grid.PAGE}
+    paths = {name: artifact.path / file for name, file in made.items()}
+    say(f"sweep: {paths['report']}, {paths['parquet']}")
+    say(paths["table"])  # the path alone on the last line, for programs
+    answer({"folder": artifact.path} | paths, swept=list(points[0].swept))
+    if missing:
+        raise UsageError(
+            f"{missing} of {len(points)} points failed; the table says why, run the same command to carry on"
+        )
+
+
+def _resolved(found: Sequence[Any], config_dir: Path | None) -> list[Point]:
+    """The requests; what differs by its seed alone is resolved once, which takes Hydra a tenth of a second."""
+    from gpsim.stages.grid import Point
     from gpsim.stages.stage import Request
 
-    request = Request(config, shown_words(words, config_dir))
-    chosen = tuple(request.seed + i for i in range(seeds))
-    if dry_run:
-        show_standing(report.stage_for(chosen), request)
-        return
-    artifact, _ = report.stage_for(chosen).make(request)
-    gathered = report.gather(request, chosen)
-    show_report(artifact.path, chosen, terminal_tables(gathered), terminal_notes(gathered))
+    from .configuration import resolve
 
-
-def _site(runs: Path, out: Path | None) -> None:
-    from gpsim.stages.site import write_site
-
-    index, notes = write_site(runs, out)
-    say(f"site: {index}")
-    for line in notes:
-        say(f"  {line}")
-    answer({"site": index}, notes=told(notes))
+    known: dict[tuple[str, ...], dict[str, Any]] = {}
+    points = []
+    for point in found:
+        seed = point.swept.get("seed", "")
+        rest = tuple(word for word in point.words if not (seed.isdecimal() and word.startswith("seed=")))
+        if rest not in known:
+            known[rest] = resolve(rest, config_dir)
+        request = Request(known[rest], shown_words(rest, config_dir))
+        points.append(Point(point.swept, request.having(seed=int(seed)) if seed.isdecimal() else request))
+    return points

@@ -11,8 +11,7 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .answers import answer, asked
-from .printing import console, say
+from .answers import answer, asked, console, say, say_all
 
 if TYPE_CHECKING:
     from gpsim.runs import Removed
@@ -70,8 +69,7 @@ def list_command(
     if not printer.is_terminal:
         printer = console(width=WIDTH)
     printer.print(terminal_table(listing_sheet(found), {}))
-    for line in listing_lines(found):
-        say(line)
+    say_all(listing_lines(found))
     answer({"runs": runs_dir}, listing=asdict(found) | {"bytes": found.bytes})
 
 
@@ -89,8 +87,7 @@ def show_command(
     from gpsim.stages.runs import show_run
 
     found = show_run(runs_dir, name, beside or ())
-    for line in shown_lines(found, whole):
-        say(line)
+    say_all(shown_lines(found, whole))
     answer({"runs": runs_dir}, artifact=asdict(found))
 
 
@@ -101,8 +98,7 @@ def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Besid
     from gpsim.stages.runs import compare_runs
 
     found = compare_runs(runs_dir, one, other, beside or ())
-    for line in compared_lines(found):
-        say(line)
+    say_all(compared_lines(found))
     answer({"runs": runs_dir}, compared=asdict(found))
 
 
@@ -159,8 +155,7 @@ def _agreed(planned: Removed, yes: bool) -> bool:
     """Print what is to go; whether to go on. Where nobody can be asked, `--yes` has to say so."""
     from gpsim.reports.runs_sheets import removed_lines, removed_sum
 
-    for line in removed_lines(planned):
-        say(line)
+    say_all(removed_lines(planned))
     nothing = not planned.artifacts and not planned.beside
     say(f"{removed_sum(planned)}{'; nothing was removed' if planned.dry_run and not nothing else ''}")
     if planned.dry_run or nothing:

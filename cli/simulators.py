@@ -9,9 +9,8 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .answers import answer
-from .printing import say
-from .trusting import named
+from .answers import answer, say, say_all
+from .everywhere import named
 
 if TYPE_CHECKING:
     from gpsim.mjcf import Checked, Declared
@@ -41,8 +40,7 @@ def list_command() -> None:
     """Which simulators there are."""
     from gpsim.simulators import SIMULATORS
 
-    for name in SIMULATORS:
-        say(name)
+    say_all(SIMULATORS)
     for written, what in OTHERS.items():
         say(f"{written:26} {what}")
     answer(registered=list(SIMULATORS), others=OTHERS)

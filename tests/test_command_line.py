@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from gpsim.cli import progress
+from gpsim.cli import everywhere, progress
 from gpsim.cli.main import main
 
 from gpsim.errors import UsageError
@@ -71,12 +71,12 @@ def test_a_quiet_command_still_says_its_errors(words, monkeypatch, capsys):
 )
 def test_quiet_is_heard_wherever_it_stands_and_ends_with_its_command(words, quiet, monkeypatch, capsys):
     def ask(task):
-        raise UsageError(f"quiet: {progress.QUIET.get()}")
+        raise UsageError(f"quiet: {everywhere.QUIET.get()}")
 
     monkeypatch.setattr("gpsim.stages.diagnose.open_recording", ask)
     _, _, err = said(monkeypatch, capsys, *words.split(), "drive")
     assert err == f"error: quiet: {quiet}\n"
-    assert not progress.QUIET.get()
+    assert not everywhere.QUIET.get()
 
 
 def test_a_result_is_printed_though_quiet(monkeypatch, capsys):
@@ -94,7 +94,7 @@ def test_quiet_before_a_step_of_the_proof_is_no_stray_option(monkeypatch, capsys
 def test_progress_and_notes_are_what_is_left_out(quiet, monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    token = progress.QUIET.set(quiet)
+    token = everywhere.QUIET.set(quiet)
     try:
         with progress.Board() as board:
             board.update("a", 0, 10, "begins")
@@ -103,7 +103,7 @@ def test_progress_and_notes_are_what_is_left_out(quiet, monkeypatch, capsys):
             board.finish("a", "made a")
         progress.note("finished")
     finally:
-        progress.QUIET.reset(token)
+        everywhere.QUIET.reset(token)
     assert capsys.readouterr().err.splitlines() == (
         [] if quiet else ["  a: 50 %, about 1 min left, half", "made a", "finished"]
     )

@@ -1,7 +1,7 @@
 """Time left of jobs whose steps do not take equally long."""
 
 import pytest
-from gpsim.cli.pace import EVEN, Pace, clock
+from gpsim.cli.progress import EVEN, Pace, clock
 
 UNEVEN = ((0.0, 0.0), (0.05, 0.1), (0.4, 0.7), (1.0, 1.0))
 

@@ -4,7 +4,7 @@ import io
 import sys
 
 import pytest
-from gpsim.cli.printing import say
+from gpsim.cli.answers import say
 
 
 @pytest.mark.parametrize(

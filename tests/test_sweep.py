@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from gpsim.cli.configuration import points_of
 from gpsim.cli.main import app
-from gpsim.cli.sweep import _resolved
-from gpsim.cli.sweep_words import points_of
+from gpsim.cli.run import _resolved
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError

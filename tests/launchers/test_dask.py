@@ -164,8 +164,8 @@ def test_a_tls_scheduler_without_a_certificate_is_one_line():
 
 
 def points():
-    from gpsim.cli.sweep import _resolved
-    from gpsim.cli.sweep_words import points_of
+    from gpsim.cli.configuration import points_of
+    from gpsim.cli.run import _resolved
 
     return _resolved(points_of(POINTS), None)
 
