@@ -6,25 +6,18 @@ import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_search_path import ConfigSearchPath
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
 from hydra.core.plugins import Plugins
-from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
 from gpsim.errors import UsageError
 from gpsim.recordings import check_bounded
 from gpsim.trust import consent
-
-from .launching import says_where
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
@@ -218,64 +211,3 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"
-
-
-MOST = 100_000  # combinations: more is a slip of the pen
-
-
-@dataclass(frozen=True)
-class Combination:
-    """One combination. words: all of them with one value each; swept: those of them that vary, key to value."""
-
-    words: tuple[str, ...]
-    swept: dict[str, str]
-
-
-def points_of(words: Sequence[str]) -> list[Combination]:
-    """Every combination of the values that the words give, the last word varying fastest; raises UsageError."""
-    axes = [_values(word) for word in words]
-    several = [len(axis) > 1 for axis in axes]
-    found = list(islice(product(*axes), MOST + 1))
-    if len(found) > MOST:
-        raise UsageError(f"sweep: more than {MOST} combinations; take fewer values")
-    return [
-        Combination(
-            tuple(combination),
-            dict(_pair(word) for word, varies in zip(combination, several, strict=True) if varies),
-        )
-        for combination in found
-    ]
-
-
-def _values(word: str) -> list[str]:
-    """A word a value, as Hydra reads it."""
-    try:
-        override = OverridesParser.create().parse_override(word)
-    except HydraException as error:
-        raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
-    if not override.is_sweep_override():
-        return [word]
-    if says_where(word):
-        raise UsageError(f"{word}: where the jobs run is one choice; a list is written [a,b]")
-    if "glob(" in word:
-        raise UsageError(f"{word}: list the choices, as gp=raw,jump; there is no glob here")
-    if not override.is_discrete_sweep():
-        raise UsageError(f"{word}: an interval has no end of values; give range(...) or a list, as 1,2,3")
-    return [f"{override.get_key_element()}={value}" for value in _iterated(override, word)]
-
-
-def _iterated(override: Override, word: str) -> list[str]:
-    try:
-        found = [str(value) for value in islice(override.sweep_string_iterator(), MOST + 1)]
-    except (HydraException, ValueError, TypeError) as error:
-        raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
-    if not found:
-        raise UsageError(f"{word}: no value in it")
-    if len(set(found)) < len(found):
-        raise UsageError(f"{word}: a value is there twice")
-    return found
-
-
-def _pair(word: str) -> tuple[str, str]:
-    key, _, value = word.partition("=")
-    return key, value

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
+from typer.models import Default
 
 from gpsim import __version__
 from gpsim.errors import NoDiagnosis, Terminated, UsageError
@@ -112,7 +113,7 @@ PANELS: tuple[tuple[str, str, Any, str | None], ...] = (
 """Where a command stands in `gpsim --help`, and its line there."""
 for panel, name, command, line in PANELS:
     if isinstance(command, typer.Typer):
-        app.add_typer(command, name=name, rich_help_panel=panel, **({"short_help": line} if line else {}))
+        app.add_typer(command, name=name, rich_help_panel=panel, short_help=line or Default(None))
     else:
         app.command(name, short_help=line, rich_help_panel=panel)(command)
 add_everywhere(app, QUIETLY)

@@ -67,7 +67,7 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
 def spread(function: Callable[..., None]) -> Callable[..., None]:
     """A command of which a parameter may be a dataclass of options: Typer is shown its fields, each as an option."""
     hints = get_type_hints(function, include_extras=True)
-    kinds = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
+    kinds: dict[str, Any] = {name: kind for name, kind in hints.items() if dataclasses.is_dataclass(kind)}
     shown: list[inspect.Parameter] = []
     for parameter in inspect.signature(function).parameters.values():
         if (kind := kinds.get(parameter.name)) is None:

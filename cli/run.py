@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,12 +14,11 @@ from gpsim.errors import UsageError
 
 from .answers import answer, asked, console, say, say_all
 from .launching import CORES, launcher_of
-from .options import ConfigDir, DryRun, Jobs, Setup, show_standing, shown_words, spread, told
+from .options import ConfigDir, DryRun, Jobs, Setup, show_standing, spread, told
 from .progress import Board, note, single_progress
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
-    from gpsim.stages.grid import Point
     from gpsim.stages.stage import Request
 
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
@@ -199,9 +198,9 @@ def sweep_command(
     dry_run: DryRun = False,
 ) -> None:
     """One stage for every combination of settings, in Hydra's sweep grammar; a table and a page at the end."""
-    from .configuration import points_of
+    from .sweep import points_of, resolved
 
-    points = _resolved(points_of(words or []), config_dir)
+    points = resolved(points_of(words or []), config_dir)
     launcher = launcher_of(points[0].request.config, jobs)
     from gpsim.stages import grid  # torch takes seconds to load
 
@@ -223,22 +222,3 @@ def sweep_command(
         raise UsageError(
             f"{missing} of {len(points)} points failed; the table says why, run the same command to carry on"
         )
-
-
-def _resolved(found: Sequence[Any], config_dir: Path | None) -> list[Point]:
-    """The requests; what differs by its seed alone is resolved once, which takes Hydra a tenth of a second."""
-    from gpsim.stages.grid import Point
-    from gpsim.stages.stage import Request
-
-    from .configuration import resolve
-
-    known: dict[tuple[str, ...], dict[str, Any]] = {}
-    points = []
-    for point in found:
-        seed = point.swept.get("seed", "")
-        rest = tuple(word for word in point.words if not (seed.isdecimal() and word.startswith("seed=")))
-        if rest not in known:
-            known[rest] = resolve(rest, config_dir)
-        request = Request(known[rest], shown_words(rest, config_dir))
-        points.append(Point(point.swept, request.having(seed=int(seed)) if seed.isdecimal() else request))
-    return points

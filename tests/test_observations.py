@@ -13,7 +13,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.simulators import SimulatorPlant, make_simulator
-from gpsim.stages import build_residuals, fit_gp, gp_settings
+from gpsim.stages import build_residuals, fit_gp
 from gpsim.stages.stage import Request
 from gpsim.targets import FrictionCartPole
 
@@ -88,9 +88,9 @@ def test_residuals_of_observations_have_more_rows_and_less_noise(tmp_path):
     made, _ = fit_gp.STAGE.make(asked)
     report = json.loads((made.path / "fit.json").read_text())
     assert report["rows"] == 80
-    settings = gp_settings.observations_of(asked)
+    settings = fit_gp.observations_of(asked)
     assert settings is not None
-    found = gp_settings.observed(asked, settings)
+    found = fit_gp.observed(asked, settings)
     raw = build_residuals.read_residuals(build_residuals.STAGE.need(asked))
     assert len(found.t) > len(raw.t)
     assert (found.values.std(axis=0) < 0.7 * raw.values.std(axis=0)).all()

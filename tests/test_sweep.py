@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from gpsim.cli.configuration import points_of
 from gpsim.cli.main import app
-from gpsim.cli.run import _resolved
+from gpsim.cli.sweep import points_of, resolved
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
@@ -51,7 +50,7 @@ def test_what_is_no_sweep_is_one_line(word, said):
 
 
 def plan_of(*words, of="evaluate"):
-    return grid.grid_of(_resolved(points_of([*QUICK, *words]), None), of)
+    return grid.grid_of(resolved(points_of([*QUICK, *words]), None), of)
 
 
 def test_what_points_share_is_made_once():

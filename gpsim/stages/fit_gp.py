@@ -1,20 +1,34 @@
-"""fit-gp: one exact Gaussian process per rate on a subsample of the residuals."""
+"""fit-gp: one exact Gaussian process per rate on a subsample of the residuals, of estimated states if asked."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray, IntArray
-from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
+from gpsim.corrected import (
+    CommandFilter,
+    Features,
+    GpCorrection,
+    Smoother,
+    fit_filter,
+    mean_rates,
+    settled_rows,
+)
 from gpsim.errors import UsageError
 from gpsim.files import Json, read_object, write_json
 from gpsim.gp import MOST_ROWS, Predictor, fit_chain, fit_outputs
+from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals
+from gpsim.residuals import build_residuals as subtracted
+from gpsim.settings import build, number
 from gpsim.simulators import SimulatorPlant
-from gpsim.stages import build_residuals, gp_settings
+from gpsim.stages import build_residuals
 from gpsim.stages.building import base_plant
 from gpsim.stages.gp_settings import chain_of, check, count_of, fit_settings, input_names, settle_of
 from gpsim.stages.policy_files import write_gp
@@ -24,7 +38,7 @@ from gpsim.stages.stage import Request, Stage, generator
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
     check(request)
-    gp_settings.observations_of(request)
+    observations_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
 
@@ -32,10 +46,10 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Fit and write gp.safetensors, gp.json and fit.json (likelihoods, hyper-parameters, convergence, warnings)."""
     section = request.config["gp"]
-    states = gp_settings.observations_of(request)
+    states = observations_of(request)
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
     if states is not None:
-        residuals = gp_settings.observed(request, states)
+        residuals = observed(request, states)
     features = Features.of(input_names(request), residuals.channels)
     base, settle, filtered = base_plant(request.config), settle_of(request), section.get("filter", False)
     count, rows = count_of(request), rows_of(request, residuals)
@@ -122,6 +136,122 @@ def find_filter(
 
     data = residuals.take(rows)
     return fit_filter(actions, data.episode, data.t, data.measured, rates_of, base.dt, data.over_gaps)
+
+
+LEAST = 0.05  # of the residual's spread: so much the rates may be off at the least
+
+
+@dataclass(frozen=True)
+class ObservationSettings:
+    """noise: channel -> standard deviation of an observation, None: what the recording says; rounds: see `observed`."""
+
+    noise: Mapping[str, float] | None = None
+    rounds: int = 3
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise ValueError(f"rounds must be at least 1, got {self.rounds}")
+
+
+def observations_of(request: Request) -> ObservationSettings | None:
+    """How states are estimated; None: they are taken as they were recorded."""
+    section = request.config["gp"].get("observations")
+    if section is None:
+        return None
+    if not isinstance(section, Mapping):
+        raise UsageError(f"gp.observations: expected settings, as {{rounds: 3}}, or null, got {section!r}")
+    if request.config["gp"].get("filter"):
+        raise UsageError(
+            "gp.observations: states are estimated without a filter of the commands: set gp.filter=false"
+        )
+    return build(ObservationSettings, section, "gp.observations")
+
+
+def observed(request: Request, settings: ObservationSettings) -> Residuals:
+    """Residuals of smoothed states, of transitions whose command is known.
+
+    In the first round the base simulator says how states may follow each other, then the one that is corrected by the
+    Gaussian processes of the round before.
+    """
+    recording, base = read_recording(build_residuals.recording_folder(request)), base_plant(request.config)
+    noise = _noise_of(recording, settings.noise)
+    spread, correction = _spread(request, recording, base, noise), None
+    swing = np.concatenate([episode.actions for episode in recording.episodes]).std(axis=0)
+    least = LEAST * spread
+    for turn in range(settings.rounds):
+        residuals = _smoothed(request, recording, base, Smoother(base, correction, noise, spread, swing))
+        request.progress(turn + 1, settings.rounds, "states from observations")
+        if turn + 1 < settings.rounds:
+            correction, spread = _learnt(request, residuals)
+            spread = np.maximum(spread, least)
+    return residuals
+
+
+def _smoothed(request: Request, recording: Recording, base: SimulatorPlant, smoother: Smoother) -> Residuals:
+    parts = [smoother(episode) for episode in recording.episodes]
+    whole = replace(recording, episodes=tuple(episode for episode, _ in parts))
+    if not np.isfinite(np.concatenate([e.states for e in whole.episodes])).all():
+        raise UsageError(
+            "gp.observations: the simulator runs away along the recording: no states can be estimated"
+        )
+    found = _residuals(request, whole, base).take(np.concatenate([known for _, known in parts]))
+    order = np.full(len(found.order), -1, dtype=np.int64)
+    training = np.flatnonzero(found.order >= 0)
+    order[training[np.argsort(found.order[training])]] = np.arange(training.size)
+    return replace(found, order=order)
+
+
+def _residuals(request: Request, recording: Recording, base: SimulatorPlant) -> Residuals:
+    return subtracted(
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=build_residuals.check(request),
+        rng=generator(request.seed, "build-residuals/order"),
+    )
+
+
+def _learnt(request: Request, residuals: Residuals) -> tuple[GpCorrection, FloatArray]:
+    """What the residuals say of the rates, and how far (R,) they may still be off."""
+    features = Features.of(input_names(request), residuals.channels)
+    rows = residuals.training_rows(count_of(request))
+    inputs = features(residuals.inputs[rows])
+    rng = generator(request.seed, "fit-gp/observations")
+    predictor = Predictor(fit_outputs(inputs, residuals.values[rows], fit_settings(request), rng))
+    _, variance = predictor.mean_and_variance(inputs)
+    return GpCorrection(predictor, features, "mean", sample_noise=False), np.sqrt(
+        variance.mean(axis=0) + predictor.noise_variances
+    )
+
+
+def _spread(request: Request, recording: Recording, base: SimulatorPlant, noise: FloatArray) -> FloatArray:
+    """(R,): the spread of the residuals less what the noise makes of it, which as much noise once more shows."""
+    rng = generator(request.seed, "fit-gp/noise")
+    noisier = replace(
+        recording,
+        episodes=tuple(
+            replace(e, states=e.states + noise * rng.standard_normal(e.states.shape))
+            for e in recording.episodes
+        ),
+    )
+    values, again = (_residuals(request, part, base).values for part in (recording, noisier))
+    total = values.var(axis=0)
+    return np.asarray(
+        np.sqrt(np.maximum(total - np.maximum(again.var(axis=0) - total, 0.0), LEAST * total) + 1e-300)
+    )
+
+
+def _noise_of(recording: Recording, given: Mapping[str, Any] | None) -> FloatArray:
+    """(S,): of every channel; raises UsageError for one of which nobody says it."""
+    named = dict(recording.noise) if given is None else given
+    for name in recording.state.names:
+        if name not in named or not number(named[name], f"gp.observations.noise.{name}") > 0.0:
+            raise UsageError(
+                f"gp.observations: nobody says how noisy {name} is; give its standard deviation under noise in "
+                f"recording.yaml, or of every channel as gp.observations.noise={{{name}: 0.001, ...}}"
+            )
+    return np.array([float(named[name]) for name in recording.state.names])
 
 
 def notes(artifact: Artifact) -> list[str]:

@@ -164,10 +164,9 @@ def test_a_tls_scheduler_without_a_certificate_is_one_line():
 
 
 def points():
-    from gpsim.cli.configuration import points_of
-    from gpsim.cli.run import _resolved
+    from gpsim.cli.sweep import points_of, resolved
 
-    return _resolved(points_of(POINTS), None)
+    return resolved(points_of(POINTS), None)
 
 
 def sweep(launcher):

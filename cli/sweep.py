@@ -1,0 +1,99 @@
+"""Hydra's sweep grammar: words with several values -> every combination, resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import islice, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+
+from gpsim.errors import UsageError
+
+from .configuration import resolve
+from .launching import says_where
+from .options import shown_words
+
+if TYPE_CHECKING:
+    from gpsim.stages.grid import Point
+
+MOST = 100_000  # combinations: more is a slip of the pen
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One combination. words: all of them with one value each; swept: those of them that vary, key to value."""
+
+    words: tuple[str, ...]
+    swept: dict[str, str]
+
+
+def points_of(words: Sequence[str]) -> list[Combination]:
+    """Every combination of the values that the words give, the last word varying fastest; raises UsageError."""
+    axes = [_values(word) for word in words]
+    several = [len(axis) > 1 for axis in axes]
+    found = list(islice(product(*axes), MOST + 1))
+    if len(found) > MOST:
+        raise UsageError(f"sweep: more than {MOST} combinations; take fewer values")
+    return [
+        Combination(
+            tuple(combination),
+            dict(_pair(word) for word, varies in zip(combination, several, strict=True) if varies),
+        )
+        for combination in found
+    ]
+
+
+def _values(word: str) -> list[str]:
+    """A word a value, as Hydra reads it."""
+    try:
+        override = OverridesParser.create().parse_override(word)
+    except HydraException as error:
+        raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
+    if not override.is_sweep_override():
+        return [word]
+    if says_where(word):
+        raise UsageError(f"{word}: where the jobs run is one choice; a list is written [a,b]")
+    if "glob(" in word:
+        raise UsageError(f"{word}: list the choices, as gp=raw,jump; there is no glob here")
+    if not override.is_discrete_sweep():
+        raise UsageError(f"{word}: an interval has no end of values; give range(...) or a list, as 1,2,3")
+    return [f"{override.get_key_element()}={value}" for value in _iterated(override, word)]
+
+
+def _iterated(override: Override, word: str) -> list[str]:
+    try:
+        found = [str(value) for value in islice(override.sweep_string_iterator(), MOST + 1)]
+    except (HydraException, ValueError, TypeError) as error:
+        raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
+    if not found:
+        raise UsageError(f"{word}: no value in it")
+    if len(set(found)) < len(found):
+        raise UsageError(f"{word}: a value is there twice")
+    return found
+
+
+def _pair(word: str) -> tuple[str, str]:
+    key, _, value = word.partition("=")
+    return key, value
+
+
+def resolved(found: Sequence[Combination], config_dir: Path | None) -> list[Point]:
+    """The requests; what differs by its seed alone is resolved once, which takes Hydra a tenth of a second."""
+    from gpsim.stages.grid import Point
+    from gpsim.stages.stage import Request
+
+    known: dict[tuple[str, ...], dict[str, Any]] = {}
+    points = []
+    for point in found:
+        seed = point.swept.get("seed", "")
+        rest = tuple(word for word in point.words if not (seed.isdecimal() and word.startswith("seed=")))
+        if rest not in known:
+            known[rest] = resolve(rest, config_dir)
+        request = Request(known[rest], shown_words(rest, config_dir))
+        points.append(Point(point.swept, request.having(seed=int(seed)) if seed.isdecimal() else request))
+    return points
