@@ -163,8 +163,9 @@ def recording_of(
     driver: str,
     seed: int,
     noise: Mapping[str, float] | None = None,
+    **more: int,
 ) -> Recording:
-    """What was driven, in the base simulator's channels; driver: what drove it."""
+    """What was driven, in the base simulator's channels; driver: what drove it; more: what else is known of that."""
     return Recording(
         system=base.simulator.name,
         state=base.state,
@@ -176,7 +177,7 @@ def recording_of(
         velocities="measured" if base.simulator.coordinates else None,
         clock="episode",
         noise=noise or {},
-        provenance={"driver": driver, "seed": seed},
+        provenance={"driver": driver, "seed": seed, **more},
     )
 
 

@@ -27,7 +27,7 @@ from gpsim.stages.diagnosis_files import (
     write_diagnosis,
 )
 from gpsim.stages.policy_files import read_gp
-from gpsim.stages.stage import SOURCES, Request, Stage, blamed
+from gpsim.stages.stage import SOURCES, Request, Stage, blamed, stage_about
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
@@ -81,13 +81,7 @@ def make(request: Request, task: Task) -> tuple[Artifact, bool]:
 
 def stage_for(task: Task) -> Stage:
     """The stage for one recording and simulator."""
-    return Stage(
-        "diagnose",
-        lambda request: _recipe(request, task),
-        lambda request, recipe, folder: _write(request, task, folder),
-        format=FORMAT,
-        code=SOURCES,
-    )
+    return stage_about("diagnose", _recipe, _write, task, format=FORMAT, code=SOURCES)
 
 
 def read_diagnosis(folder: Path) -> Diagnosis:
@@ -269,7 +263,7 @@ def _known(request: Request) -> Known:
     return read_known(given.get("known"), given.get("families"))
 
 
-def _write(request: Request, task: Task, folder: Path) -> Json:
+def _write(request: Request, folder: Path, task: Task) -> Json:
     recording, simulator = open_recording(task)
     recording = _held_apart(recording, task)
     known = _known(request)

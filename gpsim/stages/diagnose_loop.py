@@ -12,7 +12,7 @@ from gpsim.files import Json, read_object, write_json
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import told_effects
 from gpsim.stages import build_residuals, collect, diagnose
-from gpsim.stages.stage import SOURCES, Request, Stage, blamed, generator
+from gpsim.stages.stage import SOURCES, Request, Stage, blamed, generator, stage_about
 
 
 def _stage(request: Request) -> Stage:
@@ -62,13 +62,8 @@ FILE = "score.json"
 
 def score_stage(diagnosis: Path, recording: Path, simulator: str | None = None) -> Stage:
     """The stage for a finished diagnosis and a recording; `simulator` says what the columns of a bare table are."""
-    return Stage(
-        "score",
-        lambda request: _score_recipe(request, diagnosis, recording, simulator),
-        lambda request, recipe, folder: _score_write(request, diagnosis, recording, simulator, folder),
-        format=SCORE_FORMAT,
-        code=SOURCES,
-    )
+    about = (diagnosis, recording, simulator)
+    return stage_about("score", _score_recipe, _score_write, *about, format=SCORE_FORMAT, code=SOURCES)
 
 
 def read_score(folder: Path) -> Score:
@@ -96,7 +91,7 @@ def _score_recipe(request: Request, diagnosis: Path, recording: Path, simulator:
 
 
 def _score_write(
-    request: Request, diagnosis: Path, recording: Path, simulator: str | None, folder: Path
+    request: Request, folder: Path, diagnosis: Path, recording: Path, simulator: str | None
 ) -> Json:
     task = _task(read_artifact(diagnosis, "diagnose"), recording, simulator)
     opened, _ = diagnose.open_recording(task)

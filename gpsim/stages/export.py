@@ -26,7 +26,7 @@ from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 from gpsim.stages.diagnosis_files import correction_of, sentences, went
 from gpsim.stages.policy_files import read_policy, survival_lines
-from gpsim.stages.stage import Request
+from gpsim.stages.stage import Request, new_place
 from gpsim.tasks import GoalReaching
 
 SCHEMA = "gpsim.monitor/1"
@@ -97,10 +97,7 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
         raise UsageError(
             f"{path}: made by '{artifact.stage}', expected a policy of train-source or train-gp-policy"
         )
-    if out.exists():
-        raise UsageError(f"{out}: exists already; choose another --out")
-    if not out.parent.is_dir():
-        raise UsageError(f"{out.parent}: no such folder; make it first")
+    new_place(out)
     policy, config = read_policy(path), artifact.manifest["config"]
     has_node = config["task"]["name"] == "goal"
     if watched is not None and not has_node:
@@ -148,10 +145,7 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
     """Write the recording at `path` to the new file `out`; returns sentences about what is in it."""
     if form not in FORMATS:
         raise UsageError(f"--format {form}: not one of {', '.join(FORMATS)}")
-    if out.exists():
-        raise UsageError(f"{out}: exists already; choose another --out")
-    if not out.parent.is_dir():
-        raise UsageError(f"{out.parent}: no such folder; make it first")
+    new_place(out)
     if not path.exists() or (path.is_file() and path.stem != "recording"):
         raise UsageError(
             f"{path}: no such recording; give a folder with recording.yaml, as `gpsim import` makes"

@@ -21,7 +21,7 @@ from gpsim.reports.account import account_of
 from gpsim.reports.foxglove_scene import body_of
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
-from gpsim.stages.stage import blamed
+from gpsim.stages.stage import blamed, new_place
 
 FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 """What the extra `foxglove` brings."""
@@ -72,10 +72,7 @@ def _check_installed() -> None:
 
 
 def _check_place(out: Path, folder: Path) -> None:
-    if out.exists():
-        raise UsageError(f"{out}: exists already; choose another --out")
-    if not out.parent.is_dir():
-        raise UsageError(f"{out.parent}: no such folder; make it first")
+    new_place(out)
     if folder.resolve() in out.resolve().parents:
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
 

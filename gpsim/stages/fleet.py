@@ -14,9 +14,9 @@ from gpsim.launchers import Launcher, Update
 from gpsim.recordings import is_bag_folder
 from gpsim.reports.fleet import Deviation, Robot, deviations, fleet_page, headline
 from gpsim.stages.diagnose import Task, read_diagnosis
-from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
+from gpsim.stages.jobs import Failed, Finished, Job, gathered
 from gpsim.stages.raw_logs import is_raw
-from gpsim.stages.stage import RELEASE, Request, Stage
+from gpsim.stages.stage import Request, stage_about
 
 STAGE_NAME, FORMAT = "fleet", 1
 FACTS, PAGE = "fleet.json", "report.html"
@@ -99,29 +99,19 @@ def run(
 
     tasks: what each is about, or why it cannot be read.
     """
-    made: dict[str, Artifact] = {}
-    errors: dict[str, str] = {}
-
-    def note(label: str, artifact: Artifact, existed: bool) -> None:
-        made[label] = artifact
-        finished(label, artifact, existed)
-
-    def wrong(label: str, why: str) -> None:
-        errors[label] = why
-        failed(label, why)
-
     if request.out is not None and request.out.exists():
         raise UsageError(
             f"{request.out}: exists already; artifacts are never overwritten, choose another --out"
         )
     alone = replace(request, out=None)
-    for name, task in tasks.items():
-        if isinstance(task, str):
-            wrong(name, task)
+    unread = {name: task for name, task in tasks.items() if isinstance(task, str)}
+    for name, why in unread.items():
+        failed(name, why)
     jobs = [
         Job(name, "diagnose", alone, recorded=task) for name, task in tasks.items() if isinstance(task, Task)
     ]
-    run_jobs(jobs, launcher, update, note, wrong)
+    made, errors = gathered(jobs, launcher, update, finished, failed)
+    errors = unread | errors
     if not made:
         raise UsageError(f"no recording could be diagnosed; the first: {next(iter(errors.values()))}")
     robots = tuple(
@@ -129,21 +119,14 @@ def run(
         for name in tasks
     )
     found = tuple(deviations(robots))
-    artifact, _ = _stage(robots, found, made).make(request)
+    stage = stage_about(STAGE_NAME, _recipe, _write, robots, found, made, format=FORMAT)
+    artifact, _ = stage.make(request)
     return Fleet(artifact, robots, found)
 
 
-def _stage(robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact]) -> Stage:
-    return Stage(
-        STAGE_NAME,
-        lambda request: _recipe(request, robots, made),
-        lambda request, recipe, folder: _write(robots, found, made, folder),
-        format=FORMAT,
-        code=RELEASE,
-    )
-
-
-def _recipe(request: Request, robots: Sequence[Robot], made: dict[str, Artifact]) -> Recipe:
+def _recipe(
+    request: Request, robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact]
+) -> Recipe:
     """The diagnoses by their digests, no parents: a fleet of thousands would hold as many folders open."""
     each = [
         {"name": r.name, "made": made[r.name].digest if r.name in made else None, "error": r.error or None}
@@ -153,7 +136,11 @@ def _recipe(request: Request, robots: Sequence[Robot], made: dict[str, Artifact]
 
 
 def _write(
-    robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact], folder: Path
+    request: Request,
+    folder: Path,
+    robots: Sequence[Robot],
+    found: Sequence[Deviation],
+    made: dict[str, Artifact],
 ) -> Json:
     content: Json = {
         "schema": SCHEMA,

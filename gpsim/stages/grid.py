@@ -18,9 +18,9 @@ from gpsim.reports.sweep_page import sweep_page
 from gpsim.runs import figures_of
 from gpsim.settings import choice
 from gpsim.stages import full_loop
-from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
+from gpsim.stages.jobs import Failed, Finished, Job, gathered
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import RELEASE, Request, Stage
+from gpsim.stages.stage import Request, stage_about
 
 STAGE_NAME, FORMAT = "sweep", 1
 CSV, PARQUET, PAGE = "sweep.csv", "sweep.parquet", "report.html"
@@ -81,24 +81,14 @@ def run(
 
     A point that fails stops no other. Raises UsageError where none is made.
     """
-    made: dict[str, Artifact] = {}
-    errors: dict[str, str] = {}
-
-    def note(label: str, artifact: Artifact, existed: bool) -> None:
-        made[label] = artifact
-        finished(label, artifact, existed)
-
-    def wrong(label: str, why: str) -> None:
-        errors[label] = why
-        failed(label, why)
-
-    run_jobs(grid.jobs, launcher, update, note, wrong)
+    made, errors = gathered(grid.jobs, launcher, update, finished, failed)
     if not any(label in made for label in grid.targets):
         raise UsageError(f"sweep: no point could be made; the first: {next(iter(errors.values()))}")
     rows = [
         (p, made.get(label), errors.get(label)) for p, label in zip(grid.points, grid.targets, strict=True)
     ]
-    artifact, _ = _stage(grid.of, rows).make(replace(grid.points[0].request, out=None))
+    stage = stage_about(STAGE_NAME, _recipe, _write, grid.of, rows, format=FORMAT)
+    artifact, _ = stage.make(replace(grid.points[0].request, out=None))
     return artifact, sum(found is None for _, found, _ in rows)
 
 
@@ -152,17 +142,7 @@ def _deciding(job: Job) -> Json:
     return {key: config[key] for key in keys}
 
 
-def _stage(of: str, rows: Rows) -> Stage:
-    return Stage(
-        STAGE_NAME,
-        lambda request: _recipe(of, rows),
-        lambda request, recipe, folder: _write(of, rows, folder),
-        format=FORMAT,
-        code=RELEASE,
-    )
-
-
-def _recipe(of: str, rows: Rows) -> Recipe:
+def _recipe(request: Request, of: str, rows: Rows) -> Recipe:
     """What was found is known by its digests. It is no parent: a table of ten thousand would hold as many open."""
     points = [
         {"settings": dict(point.swept), "made": found.digest if found else None, "error": error}
@@ -172,7 +152,7 @@ def _recipe(of: str, rows: Rows) -> Recipe:
     return Recipe(STAGE_NAME, {"of": of, "points": points}, {}, {"seeds": seeds})
 
 
-def _write(of: str, rows: Rows, folder: Path) -> Json:
+def _write(request: Request, folder: Path, of: str, rows: Rows) -> Json:
     table = table_of(rows)
     table.to_csv(folder / CSV, index=False, lineterminator="\n")
     table.to_parquet(folder / PARQUET, index=False)

@@ -19,7 +19,7 @@ from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import episode_returns, one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.recordings import Episode, Recording, read_recording, write_recording
+from gpsim.recordings import Episode, read_recording, write_recording
 from gpsim.settings import positive
 from gpsim.simulators import Plant
 from gpsim.stages import (
@@ -33,7 +33,7 @@ from gpsim.stages import (
     train_source,
 )
 from gpsim.stages import diagnose_loop as diagnosing
-from gpsim.stages.building import base_plant, drivable, make_task, target_plant
+from gpsim.stages.building import base_plant, drivable, make_task, recording_of, target_plant
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.tasks import Start
@@ -145,10 +145,7 @@ def _drive_stage(policy: Artifact, before: Artifact | None) -> Stage:
         config = request.section("simulator", "target", "task", "collect")
         return Recipe(DRIVE, config, parents, {"seed": request.seed})
 
-    def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-        return _drive(request, recipe, folder)
-
-    return Stage(DRIVE, recipe, write, format=1)
+    return Stage(DRIVE, recipe, _drive, format=1)
 
 
 def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
@@ -170,19 +167,8 @@ def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
     before = read_recording(recipe.parents["before"].path) if "before" in recipe.parents else None
     older = () if before is None else before.episodes
     turn = 0 if before is None else 1 + int(before.provenance["round"])
-    recording = Recording(
-        system=base.simulator.name,
-        state=base.state,
-        action=base.action,
-        episodes=(*(replace(e, name=f"{turn}.{e.name}") for e in sensed), *older),
-        dt=base.dt,
-        parameters=base.parameters,
-        integrator=base.integrator,
-        velocities="measured" if base.simulator.coordinates else None,
-        clock="episode",
-        noise=noise,
-        provenance={"driver": "iterate", "seed": request.seed, "round": turn, "new": len(sensed)},
-    )
+    episodes = (*(replace(e, name=f"{turn}.{e.name}") for e in sensed), *older)
+    recording = recording_of(base, episodes, "iterate", request.seed, noise, round=turn, new=len(sensed))
     write_recording(recording, folder)
     return {"transitions": recording.transition_count}
 

@@ -77,6 +77,25 @@ def run_jobs(
         finished(outcome.label, artifact, existed)
 
 
+def gathered(
+    jobs: Sequence[Job], launcher: Launcher, update: Update, finished: Finished, failed: Failed
+) -> tuple[dict[str, Artifact], dict[str, str]]:
+    """Run jobs of which one that fails stops no other: what was made by its label, and why the rest was not."""
+    made: dict[str, Artifact] = {}
+    errors: dict[str, str] = {}
+
+    def note(label: str, artifact: Artifact, existed: bool) -> None:
+        made[label] = artifact
+        finished(label, artifact, existed)
+
+    def wrong(label: str, why: str) -> None:
+        errors[label] = why
+        failed(label, why)
+
+    run_jobs(jobs, launcher, update, note, wrong)
+    return made, errors
+
+
 def _numbered(jobs: Sequence[Job]) -> Iterator[tuple[Request, Artifact | None]]:
     """Every job that is still to be made asks for a version of its own, in the order of the plan.
 

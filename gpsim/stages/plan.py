@@ -24,7 +24,7 @@ from gpsim.settings import build
 from gpsim.simulators import Plant, Simulator
 from gpsim.stages.building import base_plant, recording_of, target_plant
 from gpsim.stages.diagnose import read_corrected, read_diagnosis, read_left_open
-from gpsim.stages.stage import SOURCES, Progress, Request, Stage, blamed, generator, silent
+from gpsim.stages.stage import SOURCES, Progress, Request, Stage, blamed, generator, silent, stage_about
 
 FORMAT = 1
 COMMANDS, FACTS, PAGE = "plan.csv", "plan.yaml", "report.html"
@@ -43,13 +43,7 @@ class Played:
 
 def stage_for(diagnoses: Sequence[Path], minutes: float, anew: bool = False) -> Stage:
     """The stage for finished diagnoses of one machine, whose explanations are told apart together."""
-    return Stage(
-        "plan",
-        lambda request: _recipe(request, diagnoses, minutes, anew),
-        lambda request, recipe, folder: _write(request, diagnoses, minutes, anew, folder),
-        format=FORMAT,
-        code=SOURCES,
-    )
+    return stage_about("plan", _recipe, _write, diagnoses, minutes, anew, format=FORMAT, code=SOURCES)
 
 
 def planned(
@@ -128,7 +122,7 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
     return plants[0]
 
 
-def _write(request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool, folder: Path) -> Json:
+def _write(request: Request, folder: Path, diagnoses: Sequence[Path], minutes: float, anew: bool) -> Json:
     from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
@@ -164,12 +158,7 @@ def plan_of(artifact: Artifact) -> Mapping[str, Any]:
 
 def play_stage(plan: Path) -> Stage:
     """The stage for a finished plan; its recording is of the stage `collect`."""
-    return Stage(
-        "collect",
-        lambda request: _played_recipe(request, plan),
-        lambda request, recipe, folder: _play(request, plan, folder),
-        format=1,
-    )
+    return stage_about("collect", _played_recipe, _play, plan, format=1)
 
 
 def _played_recipe(request: Request, plan: Path) -> Recipe:
@@ -183,7 +172,7 @@ def _opened(request: Request, plan: Path) -> Played:
     return read_plan(plan, base_plant(request.config).simulator, target.dt)
 
 
-def _play(request: Request, plan: Path, folder: Path) -> Json:
+def _play(request: Request, folder: Path, plan: Path) -> Json:
     played, base, target = _opened(request, plan), base_plant(request.config), target_plant(request.config)
     rng = generator(request.seed, "collect/episodes")
     episodes = tuple(

@@ -30,7 +30,7 @@ from gpsim.stages import (
 )
 from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
-from gpsim.stages.stage import Request, Stage, quoted
+from gpsim.stages.stage import Request, Stage, quoted, stage_about
 from gpsim.tasks import Balance, Task
 
 SETTINGS = (
@@ -50,12 +50,7 @@ GIVEN = ("recording", "diagnosis")
 
 def stage_for(seeds: tuple[int, ...]) -> Stage:
     """The report over these seeds, as a stage."""
-    return Stage(
-        "report",
-        lambda request: _recipe(request, seeds),
-        lambda request, recipe, folder: _write(request, seeds, folder),
-        format=1,
-    )
+    return stage_about("report", _recipe, _write, seeds, format=1)
 
 
 def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
@@ -68,7 +63,7 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
     return Recipe("report", config, parents, {"seeds": list(seeds)})
 
 
-def _write(request: Request, seeds: tuple[int, ...], folder: Path) -> Json:
+def _write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
     report = gather(request, seeds)
     write_json(folder / "summary.json", plain(report.summary))
     (folder / "report.html").write_text(render(report), encoding="utf-8")

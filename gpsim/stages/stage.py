@@ -228,6 +228,30 @@ class Stage:
             )
 
 
+def stage_about(
+    name: str,
+    recipe: Callable[..., Recipe],
+    write: Callable[..., Json | None],
+    *about: Any,
+    **more: Any,
+) -> Stage:
+    """A stage about something that no configuration holds: recipe(request, *about), write(request, folder, *about)."""
+    return Stage(
+        name,
+        lambda request: recipe(request, *about),
+        lambda request, recipe, folder: write(request, folder, *about),
+        **more,
+    )
+
+
+def new_place(out: Path) -> None:
+    """Raise UsageError where nothing can be made at `out`: something is there, or no folder to make it in."""
+    if out.exists():
+        raise UsageError(f"{out}: exists already; choose another --out")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+
+
 def derived_seed(seed: int, purpose: str) -> int:
     """A seed of its own for every purpose, so that no two draws share a stream."""
     return int(np.random.SeedSequence([seed, zlib.crc32(purpose.encode())]).generate_state(1)[0])
