@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
+from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 
 Json = Mapping[str, Any]
 VERDICTS = ("named", "ambiguous", "partial", "unknown", "none", "failed")
@@ -160,31 +160,34 @@ GROUPS: Mapping[str, Group] = {
         "law of the catalogue is said to hold",
     ),
 }
-CLASSES: Mapping[str, Callable[[Json], str]] = {
-    "machines": lambda b: str(b["n"]),
-    "effects that count, told %": lambda b: percent(b["told"]),
-    "told and not there, a machine": lambda b: fixed(b["spurious"], 2),
-    "sizes right %": lambda b: percent(b["sized"]),
+Sayers = Mapping[str, Callable[[Json], str]]
+ROLLOUTS: Sayers = {
     "held-out rollouts within 1.3 %": lambda b: percent(b["rollouts_within"]),
     "their median ratio": lambda b: significant(b["median_rollouts"]),
-    "a black box is better %": lambda b: percent(b["black_box_better"]),
+}
+JUDGED: Sayers = {
     "verdict right %": lambda b: percent(b["verdict_right"]),
     "90 % intervals cover %": lambda b: percent(b["coverage_90"]),
     "failed": lambda b: str(b["failed"]),
     "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
 }
-DRIVES: Mapping[str, Callable[[Json], str]] = {
+CLASSES: Sayers = {
+    "machines": lambda b: str(b["n"]),
+    "effects that count, told %": lambda b: percent(b["told"]),
+    "told and not there, a machine": lambda b: fixed(b["spurious"], 2),
+    "sizes right %": lambda b: percent(b["sized"]),
+    **ROLLOUTS,
+    "a black box is better %": lambda b: percent(b["black_box_better"]),
+    **JUDGED,
+}
+DRIVES: Sayers = {
     "robots": lambda b: str(b["n"]),
     "rows of friction and rotors right %": lambda b: percent(b["rows_right"]),
     "told by their own names %": lambda b: percent(b["rows_told"]),
     "bodies right %": lambda b: percent(b["bodies_right"]),
     "told and not there, a robot": lambda b: fixed(b["spurious"], 2),
-    "held-out rollouts within 1.3 %": lambda b: percent(b["rollouts_within"]),
-    "their median ratio": lambda b: significant(b["median_rollouts"]),
-    "verdict right %": lambda b: percent(b["verdict_right"]),
-    "90 % intervals cover %": lambda b: percent(b["coverage_90"]),
-    "failed": lambda b: str(b["failed"]),
-    "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
+    **ROLLOUTS,
+    **JUDGED,
 }
 CLASSES_NOTE = (
     "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own names or by "
@@ -194,7 +197,7 @@ CLASSES_NOTE = (
 
 def group_sheets(content: Json) -> list[Sheet]:
     """The tables of every group of which a world was revealed."""
-    return [sheet for part in GROUPS if content.get(part) for sheet in part_sheets(part, content[part])]
+    return [made for part in GROUPS if content.get(part) for made in part_sheets(part, content[part])]
 
 
 def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
@@ -212,13 +215,12 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
         yield verdicts_sheet(group.title, block["verdicts"])
     yield _families(group, block["families"])
     if "joints" in block:
-        yield _families(
-            replace(group, families=(f"{group.title}: rows right by joint", "right")), block["joints"]
-        )
+        joints = replace(group, families=(f"{group.title}: rows right by joint", "right"))
+        yield _families(joints, block["joints"])
     if "spurious_families" in block:
         found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
-        rows = tuple(row(name, str(count)) for name, count in found)
-        yield Sheet(f"{group.title}: told and not there", ("", group.columns[0].heads[0]), rows)
+        columns = ("", group.columns[0].heads[0])
+        yield sheet(f"{group.title}: told and not there", columns, ((n, str(count)) for n, count in found))
 
 
 def brief_sheets(content: Json) -> list[Sheet]:
@@ -229,43 +231,34 @@ def brief_sheets(content: Json) -> list[Sheet]:
     return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1], *curves[:1]]
 
 
-def turned_sheet(
-    title: str, block: Json, stratum: str, figures: Mapping[str, Callable[[Json], str]], note: str
-) -> Sheet:
+def turned_sheet(title: str, block: Json, stratum: str, figures: Sayers, note: str) -> Sheet:
     """The figures (rows) of all worlds of a group and of each value of a stratum (columns)."""
     blocks = {"all": block, **block["strata"][stratum]}
-    rows = tuple(row(label, *(say(part) for part in blocks.values())) for label, say in figures.items())
-    return Sheet(title, ("", *blocks), rows, note=note)
+    rows = ((label, *(say(part) for part in blocks.values())) for label, say in figures.items())
+    return sheet(title, ("", *blocks), rows, note=note)
 
 
 def verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
     """What was said (columns) where what was called for (rows)."""
-    rows = tuple(
-        row(
-            wanted,
-            *(
-                Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in wanted.split(" or "))
-                for v in VERDICTS
-            ),
+
+    def cell(wanted: str, said: Json, verdict: str) -> Cell:
+        return Cell(
+            str(said.get(verdict, "")), marked=bool(said.get(verdict)) and verdict not in wanted.split(" or ")
         )
-        for wanted, said in verdicts.items()
-    )
-    return Sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
+
+    rows = ((wanted, *(cell(wanted, said, v) for v in VERDICTS)) for wanted, said in verdicts.items())
+    return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
 
 
 def _figures(group: Group, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
     heads = [head for column in group.columns for head in column.heads]
-    rows = tuple(
-        row(name, *(cell for column in group.columns for cell in column.cells(block)))
-        for name, block in blocks.items()
-    )
-    return Sheet(title, ("", *heads), rows, note=note)
+    rows = ((n, *(c for column in group.columns for c in column.cells(block))) for n, block in blocks.items())
+    return sheet(title, ("", *heads), rows, note=note)
 
 
 def _families(group: Group, families: Mapping[str, Json]) -> Sheet:
     (title, counted), more = group.families, [INTERVAL] * group.with_intervals
-    rows = tuple(
-        row(name, f"{f[counted]}/{f['n']}", *(bounds(f["interval"]) for _ in more))
-        for name, f in families.items()
+    rows = (
+        (n, f"{f[counted]}/{f['n']}", *(bounds(f["interval"]) for _ in more)) for n, f in families.items()
     )
-    return Sheet(title, ("", counted, *more), rows)
+    return sheet(title, ("", counted, *more), rows)

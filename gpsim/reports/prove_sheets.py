@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.prove_groups import GROUPS, brief_sheets, group_sheets
-from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
+from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.trials.statistics import EQUIVALENT, GOALS, bounds_of
 
 Json = Mapping[str, Any]
@@ -47,15 +47,10 @@ RIVALS = {
 
 def proof_sheets(content: Json) -> list[Sheet]:
     """Goals, what stands beside them, rivals, strata, families and kinds."""
+    first = (goals_sheet, shares_sheet, medians_sheet, rivals_sheet, namers_sheet)
     return [
-        goals_sheet(content),
-        shares_sheet(content),
-        medians_sheet(content),
-        rivals_sheet(content),
-        namers_sheet(content),
-        *group_sheets(content),
-        *plan_sheets(content),
-        *strata_sheets(content),
+        *(make(content) for make in first),
+        *(made for make in (group_sheets, plan_sheets, strata_sheets) for made in make(content)),
         families_sheet(content),
         kinds_sheet(content),
     ]
@@ -70,7 +65,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
         rivals_sheet(content),
         namers_sheet(content),
     ]
-    return [sheet for sheet in sheets if sheet.rows]
+    return [made for made in sheets if made.rows]
 
 
 def beside(content: Json) -> list[str]:
@@ -96,19 +91,18 @@ def _named(trials: Sequence[str]) -> str:
 
 def goals_sheet(content: Json) -> Sheet:
     """What has to be reached and what was, wherever the proof has worlds that it is about."""
-    rows = []
-    for name, goal in content["goals"].items():
-        if goal["got"] is None:
-            continue
+
+    def cells(name: str, goal: Json) -> tuple[Cell | str, ...]:
         part, key = name.split(".")
         block = content.get(part, {})
         bounds = _within(bounds_of(block, key), key.startswith("median"))
         got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
-        rows.append(row(GOALS[name].label, goal["wanted"], got, bounds, _number(part, key, block)))
-    return Sheet(
+        return GOALS[name].label, goal["wanted"], got, bounds, _number(part, key, block)
+
+    return sheet(
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", "95 %", "count"),
-        tuple(rows),
+        (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
         "on rough worlds; machines: whole ones; whole robots: all joints at once; curves: laws of no family; "
         "!: missed, also by the interval of a share or of a mean",
@@ -145,16 +139,15 @@ def shares_sheet(content: Json) -> Sheet:
         "location: place right": location.get("place_right"),
         "location: gates right": location.get("gate_right"),
     }
-    rows = [
-        row(label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
-        for label, part in parts.items()
-        if part
-    ]
     failed = [f"{name} {content[name]['failed']}" for name in FAILED if content.get(name, {}).get("failed")]
-    return Sheet(
+    return sheet(
         "Part by part, on the same worlds",
         ("", "share", "95 %", "count"),
-        tuple(rows),
+        (
+            (label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
+            for label, part in parts.items()
+            if part
+        ),
         note=f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, and are left out of the shares "
         "of which less is better: false alarms, wrong names, undecided worlds",
     )
@@ -162,46 +155,39 @@ def shares_sheet(content: Json) -> Sheet:
 
 def medians_sheet(content: Json) -> Sheet:
     """Sizes of errors: medians and their bootstrap intervals."""
-    location = content.get("location", {})
+    location, parameters = content.get("location", {}), content.get("parameters")
     parts = {
         "region, IoU": (location.get("iou"), "median"),
         "onset, error over the recording's duration": (location.get("onset_error"), "median"),
-        "parameters, error over the value": (content.get("parameters"), "median_relative_error"),
-        "parameters, error over what it changes": (content.get("parameters"), "median_error_of_effect"),
+        "parameters, error over the value": (parameters, "median_relative_error"),
+        "parameters, error over what it changes": (parameters, "median_error_of_effect"),
         "held-out error over the true model's own": (content.get("fit"), "median"),
     }
-    rows = [
-        row(
+    rows = (
+        (
             label,
-            significant(part[key]),
-            _within(part[f"interval_{key}"], median=True),
-            significant(part.get("mean")),
-            str(part["n"]),
+            significant(p[key]),
+            _within(p[f"interval_{key}"], True),
+            significant(p.get("mean")),
+            str(p["n"]),
         )
-        for label, (part, key) in parts.items()
-        if part
-    ]
-    return Sheet("Sizes of errors", ("", "median", "95 %", "mean", "count"), tuple(rows))
+        for label, (p, key) in parts.items()
+        if p
+    )
+    return sheet("Sizes of errors", ("", "median", "95 %", "mean", "count"), rows)
 
 
 def rivals_sheet(content: Json) -> Sheet:
     """Held-out one-step errors by several means."""
-    rows = [
-        row(
-            RIVALS[kind],
-            str(r["n"]),
-            significant(r["median"]),
-            _within(r["interval_median"], median=True),
-            fixed(100 * r["share"]),
-            _bounds(r),
-        )
-        for kind, r in content["rivals"].items()
-        if kind in RIVALS
-    ]
-    return Sheet(
+    found = [(words, r) for kind, r in content["rivals"].items() if (words := RIVALS.get(kind))]
+    rows = (
+        (words, str(r["n"]), significant(r["median"]), _within(r["interval_median"], True), *_shared(r))
+        for words, r in found
+    )
+    return sheet(
         "Held-out one-step error over the true model's own, worst rate",
         ("", "worlds", "median ratio", "95 %", "% within 1.1", "95 %"),
-        tuple(rows),
+        rows,
         note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
     )
 
@@ -211,8 +197,8 @@ def plan_sheets(content: Json) -> list[Sheet]:
     plans = content.get("plans")
     if not plans:
         return []
-    rows = tuple(
-        row(
+    rows = (
+        (
             kind,
             f"{k['resolved']}/{k['n']}",
             _within(k["interval"]),
@@ -227,7 +213,7 @@ def plan_sheets(content: Json) -> list[Sheet]:
         "both, the right one ahead by odds above ten"
     )
     columns = ("next recording", "resolved", "95 %", "seconds, median", "left the box")
-    return [Sheet("The next recording", columns, rows, note=note)]
+    return [sheet("The next recording", columns, rows, note=note)]
 
 
 def namers_sheet(content: Json) -> Sheet:
@@ -239,15 +225,10 @@ def namers_sheet(content: Json) -> Sheet:
         "diagnose_on_the_same_nothing": "gpsim diagnose, that nothing is",
     }
     found = content["rivals"]
-    rows = [
-        row(label, str(found[k]["n"]), fixed(100 * found[k]["share"]), _bounds(found[k]))
-        for k, label in names.items()
-        if k in found
-    ]
-    return Sheet(
+    return sheet(
         "Namers, where PySINDy's library holds the truth",
         ("", "worlds", "% right", "95 %"),
-        tuple(rows),
+        ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in names.items() if k in found),
         note="mechanical systems with every effect a term of its library and acting everywhere, visible or not",
     )
 
@@ -257,59 +238,52 @@ def strata_sheets(content: Json) -> list[Sheet]:
     parts = {"headline": content, "all worlds": content["all"], "identifiable": content["identifiable"]}
     if content["long"]["n"]:
         parts["long recordings"] = content["long"]
-    sheets = [_strata_sheet("All together", parts)] if content["all"]["n"] + content["long"]["n"] else []
-    return sheets + [
-        _strata_sheet(f"By {name.replace('_', ' ')}", blocks) for name, blocks in content["strata"].items()
+    tables = {"All together": parts} if content["all"]["n"] + content["long"]["n"] else {}
+    tables |= {f"By {name.replace('_', ' ')}": blocks for name, blocks in content["strata"].items()}
+    return [
+        sheet(title, STRATUM, (_stratum(name, block) for name, block in blocks.items()))
+        for title, blocks in tables.items()
     ]
 
 
-def _strata_sheet(title: str, blocks: Mapping[str, Json]) -> Sheet:
-    rows = [
-        row(
-            name,
-            *(_share(block.get(size), "right") for size in SIZES),
-            _share(block.get("none"), "false_alarms"),
-            _share(block.get("unknown"), "said_so"),
-            _share(block.get("location"), "right"),
-            _percent(block.get("parameters"), "median_relative_error"),
-            _percent(block.get("parameters"), "coverage_90"),
-            _share(block.get("fit"), "within"),
-            fixed(block.get("seconds", {}).get("median")),
-        )
-        for name, block in blocks.items()
-    ]
-    columns = (
-        "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
-        "coverage %", "fit within 1.1", "seconds",
-    )  # fmt: skip
-    return Sheet(title, columns, tuple(rows))
+STRATUM = (
+    "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
+    "coverage %", "fit within 1.1", "seconds",
+)  # fmt: skip
+
+
+def _stratum(name: str, block: Json) -> tuple[str, ...]:
+    counts = [(size, "right") for size in SIZES]
+    counts += [("none", "false_alarms"), ("unknown", "said_so"), ("location", "right")]
+    return (
+        name,
+        *(_share(block.get(part), key) for part, key in counts),
+        *(_percent(block.get("parameters"), key) for key in ("median_relative_error", "coverage_90")),
+        _share(block.get("fit"), "within"),
+        fixed(block.get("seconds", {}).get("median")),
+    )
 
 
 def families_sheet(content: Json) -> Sheet:
     """Single effects by what they are."""
-    rows = [
-        row(name, f"{f['right']}/{f['n']}", _within(f["interval"])) for name, f in content["families"].items()
-    ]
-    return Sheet("Visible single effects by family", ("", "right", "95 %"), tuple(rows))
+    rows = ((n, f"{f['right']}/{f['n']}", _within(f["interval"])) for n, f in content["families"].items())
+    return sheet("Visible single effects by family", ("", "right", "95 %"), rows)
 
 
 def kinds_sheet(content: Json) -> Sheet:
     """Physics outside the catalogue by what it is."""
-    rows = [
-        row(name, f"{kind['said_so']}/{kind['n']}", str(kind["named_wrong"]))
-        for name, kind in content["kinds"].items()
-    ]
-    return Sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), tuple(rows))
+    rows = ((n, f"{k['said_so']}/{k['n']}", str(k["named_wrong"])) for n, k in content["kinds"].items())
+    return sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), rows)
 
 
 def confusion_sheet(content: Json) -> Sheet:
     """True family against what was said, worlds with at most one effect."""
     said = sorted({name for counts in content["confusion"].values() for name in counts})
-    rows = [
-        row(truth, *(Cell(str(counts.get(name, "")), marked=_wrong(truth, name, counts)) for name in said))
+    rows = (
+        (truth, *(Cell(str(counts.get(name, "")), marked=_wrong(truth, name, counts)) for name in said))
         for truth, counts in content["confusion"].items()
-    ]
-    return Sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), tuple(rows))
+    )
+    return sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), rows)
 
 
 def _wrong(truth: str, said: str, counts: Json) -> bool:
@@ -336,5 +310,7 @@ def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
     return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
 
 
-def _bounds(block: Json) -> str:
-    return f"{fixed(100 * block['interval'][0])}-{fixed(100 * block['interval'][1])}"
+def _shared(block: Json) -> tuple[str, str]:
+    """A share in per cent, and its interval."""
+    low, high = block["interval"]
+    return fixed(100 * block["share"]), f"{fixed(100 * low)}-{fixed(100 * high)}"

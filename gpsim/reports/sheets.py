@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
@@ -62,6 +62,18 @@ class Sheet:
 def row(*cells: Cell | str) -> tuple[Cell, ...]:
     """A row of cells; words become plain cells."""
     return tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells)
+
+
+def sheet(
+    title: str,
+    columns: Iterable[str],
+    rows: Iterable[Iterable[Cell | str]],
+    labels: int = 1,
+    note: str = "",
+    tail: int = 0,
+) -> Sheet:
+    """A sheet of rows of cells; words become plain cells."""
+    return Sheet(title, tuple(columns), tuple(row(*cells) for cells in rows), labels, note, tail)
 
 
 def known(value: Any) -> TypeGuard[float]:
