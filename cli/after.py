@@ -13,8 +13,7 @@ from gpsim.errors import UsageError
 from . import completion
 from .answers import NO_LONGER_HOLDS, answer, say, say_all
 from .diagnose import Cores
-from .launching import CORES
-from .options import DryRun, Out, Setup, refuse_unused, say_made, split_words, spread
+from .options import CORES, DryRun, Out, Setup, refuse_unused, say_made, split_words, spread
 from .progress import note
 
 DiagnosisWords = Annotated[

@@ -15,8 +15,7 @@ from . import completion
 from .answers import answer, say, say_all
 from .everywhere import named, named_effects
 from .fleet import diagnose_each, refuse_several
-from .launching import CORES, refuse_launcher
-from .options import DryRun, Setup, say_made, split_words, spread
+from .options import CORES, DryRun, Setup, refuse_launcher, say_made, split_words, spread
 from .progress import DIAGNOSIS, MUJOCO, caution, note, warn
 
 COMPILES = "compiling the simulators for this machine: a minute or so, only this once"

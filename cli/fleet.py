@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gpsim.errors import UsageError
 
 from .answers import answer, say, say_all
-from .launching import launcher_of
+from .options import launcher_of
 from .progress import Board
 
 if TYPE_CHECKING:

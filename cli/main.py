@@ -28,7 +28,6 @@ from gpsim.workers import ends_when_asked
 from . import answers
 from .after import deploy_command, plan_command, watch_command
 from .diagnose import diagnose_command
-from .effects import effects_app
 from .everywhere import QUIET, QUIETLY, TRUSTINGLY, add_everywhere
 from .export import export_app
 from .import_ import import_command
@@ -36,7 +35,7 @@ from .progress import INTERRUPTED
 from .prove import prove_app
 from .run import report_command, run_app, status_command, sweep_command
 from .runs import runs_app
-from .simulators import simulators_app
+from .simulators import effects_app, simulators_app
 from .stages import add_stages
 
 LONGEST_NAME = 80  # of a file in an error

@@ -14,8 +14,7 @@ from . import completion
 from .answers import NAME as AS_JSON
 from .answers import answer, console, say, say_all
 from .everywhere import QUIET_NAME
-from .launching import CORES, KEPT, LauncherWords, launcher_from_words
-from .options import Jobs, spread
+from .options import CORES, KEPT, Jobs, LauncherWords, launcher_from_words, spread
 from .progress import single_progress
 
 if TYPE_CHECKING:
@@ -204,7 +203,8 @@ def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> No
 def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
     from gpsim.reports.loop_page import terminal_table
-    from gpsim.reports.prove_sheets import beside, terminal_sheets
+    from gpsim.reports.prove_page import beside
+    from gpsim.reports.prove_sheets import terminal_sheets
     from gpsim.stages import prove
 
     launcher = _launcher(context, jobs)

@@ -13,8 +13,7 @@ import typer
 from gpsim.errors import UsageError
 
 from .answers import answer, asked, console, say, say_all
-from .launching import CORES, launcher_of
-from .options import ConfigDir, DryRun, Jobs, Setup, show_standing, spread, told
+from .options import CORES, ConfigDir, DryRun, Jobs, Setup, launcher_of, show_standing, spread, told
 from .progress import Board, note, single_progress
 
 if TYPE_CHECKING:

@@ -1,8 +1,9 @@
-"""`gpsim simulators`: which there are, what one declares, and what a MuJoCo model is like."""
+"""`gpsim simulators` and `gpsim effects`: which there are, what one says, and whether one of your own is right."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,10 +11,14 @@ import typer
 from gpsim.errors import UsageError
 
 from .answers import answer, say, say_all
-from .everywhere import named
+from .everywhere import named, named_effects
+from .progress import note
 
 if TYPE_CHECKING:
+    from gpsim.effects import Brought
     from gpsim.mjcf import Checked, Declared
+    from gpsim.stages.try_effect import Recovered
+
 
 simulators_app = typer.Typer(
     no_args_is_help=True,
@@ -110,3 +115,138 @@ def _tell_checked(facts: Checked) -> None:
 
 def _listed(units: dict[str, str]) -> str:
     return ", ".join(f"{name} [{unit}]" for name, unit in units.items())
+
+
+effects_app = typer.Typer(no_args_is_help=True, help="Effects: the catalogue's, and your own.")
+EffectName = Annotated[str, typer.Argument(metavar="EFFECT", help="A family, or your own as FILE.py:Class.")]
+Own = Annotated[str, typer.Argument(metavar="FILE.py[:Class]", help="Your own effect.")]
+Of = Annotated[list[str] | None, typer.Option("--effects", metavar="FILE.py", help="Your own, too.")]
+
+
+@effects_app.command("list")
+def list_effects(effects: Of = None) -> None:
+    """Which effects there are, where they act, and which a diagnosis asks unless told otherwise."""
+    from gpsim.effects import CATALOGUE
+
+    rows = [(f, e.site, "asked" if e.asked else "on request") for f, e in CATALOGUE.items()]
+    rows += [(b.effect.family, b.effect.site, b.reference) for b in _every(effects)]
+    for family, site, asked in rows:
+        say(f"{family:24} {site:10} {asked}")
+    answer(effects=[{"family": f, "site": s, "asked": a} for f, s, a in rows])
+
+
+@effects_app.command("show")
+def show_effect(name: EffectName) -> None:
+    """What an effect is: its law, where it acts, its parameters, where it is from."""
+    from gpsim.effects import PLACE, effect_of
+
+    effect = _one(name).effect if ".py" in name else effect_of(name)
+    law = (type(effect).__doc__ or "").strip().partition("\n\n")[0].replace("\n", " ")
+    said = {
+        "family": effect.family,
+        "law": " ".join(law.split()),
+        "site": effect.site,
+        "function of": effect.function_of,
+        "asked": "always" if effect.asked else "on request",
+    }
+    for key, value in said.items():
+        say(f"{key:12} {value}")
+    declared = [p for variant in effect.variants for p in effect.parameters(PLACE, variant)]
+    sizes = {p.name: {"unit": p.unit, "low": p.low, "high": p.high, "starts": p.starts} for p in declared}
+    for parameter in {p.name: p for p in declared}.values():
+        start = ", ".join(f"{s:.4g}" for s in parameter.starts)
+        bounds = f"{parameter.low:.4g} to {parameter.high:.4g}"
+        say(f"{'parameter':12} {parameter.name} [{parameter.unit}] {bounds}, a fit starts at {start}")
+    answer(effect=said, parameters=sizes)
+
+
+@effects_app.command("new")
+def new_command(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="As small letters, as rubber_band.")],
+    site: Annotated[
+        str, typer.Option("--site", help="Where it acts: force, friction, actuator, drive, ...")
+    ] = "force",
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path(),
+) -> None:
+    """Write NAME.py, a class whose law you replace, and test_NAME.py beside it."""
+    from gpsim.effects import template
+    from gpsim.files import disk_errors
+
+    texts = template(name, site)
+    for file in texts:
+        if (out / file).exists():
+            raise UsageError(
+                f"{out / file}: exists already; choose another name, or another folder with --out"
+            )
+    with disk_errors(out, "--out"):
+        out.mkdir(parents=True, exist_ok=True)
+        for file, text in texts.items():
+            (out / file).write_text(text, encoding="utf-8")
+            say(f"{out / file}")
+    say(f"next: gpsim effects check {out / f'{name}.py'}")
+    answer(files=[out / file for file in texts])
+
+
+@effects_app.command("check")
+def check_effect(
+    name: Own,
+    simulator: Annotated[str | None, typer.Option("--simulator", help="Where it is tried.")] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The law alone: no world is made and diagnosed.")
+    ] = False,
+    keep: Annotated[
+        Path | None, typer.Option("--keep", help="Write the world's recording to this folder.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the world.")] = 0,
+) -> None:
+    """Whether a law is one: shapes, numbers, rest; then whether it is found again, and what else would explain it."""
+    from gpsim.effects import bring
+    from gpsim.files import disk_errors, written_whole
+    from gpsim.recordings import write_recording
+    from gpsim.stages.try_effect import checks, recovered, systems_for, world_with
+
+    brought, wrong = _one(name), 0
+    for check in checks(brought, seed):
+        wrong += bool(check.wrong)
+        say(f"{check.question:32} {check.wrong or 'yes'}")
+    if wrong:
+        raise UsageError(f"{brought.reference}: {wrong} of the checks above failed in law")
+    bring([brought])
+    model, on = systems_for(brought, simulator)
+    if keep is not None:
+        if keep.exists():
+            raise UsageError(f"--keep {keep}: exists already; choose another folder")
+        with disk_errors(keep, "--keep"), written_whole(keep) as folder:
+            folder.mkdir(parents=True)
+            write_recording(world_with(brought, model, on, seed)[0], folder)
+        say(f"recording: {keep}")
+    if quick:
+        answer(effect=brought.effect.family, right=True)
+        return
+    note(f"a world of {model.name} with it is made and diagnosed twice: some tens of seconds")
+    found = recovered(brought, model, on, seed)
+    _tell_recovered(found)
+    answer(effect=brought.effect.family, right=found.right, recovered=asdict(found))
+
+
+def _tell_recovered(found: Recovered) -> None:
+    sizes = ", ".join(f"{name} {got:.4g} of {true:.4g}" for name, (true, got) in found.sizes.items())
+    told = f"{found.verdict}: {', '.join(found.said) or 'nothing'}{f' ({sizes})' if sizes else ''}"
+    say(f"{'recovered from a world with it':32} {'yes, ' if found.right else 'no, '}{told}")
+    others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % of that world without it"
+    say(f"{'confusable with':32} {others if found.confusable else f'nothing: {others}'}")
+
+
+def _one(name: str) -> Brought:
+    """The user's effect; consent goes with naming it."""
+    found = _every([name])
+    if len(found) != 1:
+        raise UsageError(f"{name}: has {', '.join(b.reference for b in found)}; name one of them")
+    return found[0]
+
+
+def _every(references: list[str] | None) -> list[Brought]:
+    from gpsim.effects import installed, read_effects
+
+    given = named_effects(references)
+    return [*(installed() if not references else ()), *(b for r in given for b in read_effects(r))]

@@ -15,8 +15,7 @@ from hydra.errors import HydraException
 from gpsim.errors import UsageError
 
 from .configuration import resolve
-from .launching import says_where
-from .options import shown_words
+from .options import says_where, shown_words
 
 if TYPE_CHECKING:
     from gpsim.stages.grid import Point

@@ -21,12 +21,12 @@ from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_
 from gpsim.recordings.export import Topics
 from gpsim.simulators import make_simulator, source_file
 from gpsim.stages import (
+    building,
     collect,
     diagnose,
     diagnose_loop,
     evaluate,
     fit_gp,
-    gp_settings,
     report,
     sweep,
     train_gp_policy,
@@ -137,13 +137,13 @@ def test_a_users_simulator_counts_with_its_file(tmp_path: Path):
 
 def test_the_noise_floor_is_a_setting_that_decides_the_fit_and_keeps_old_artifacts():
     plain, raised = request(), request("gp.noise_floor=0.05")
-    assert gp_settings.fit_settings(plain) == FitSettings(restarts=4, minimum_improvement=1e-3)
-    assert gp_settings.fit_settings(raised).bounds.noise_std.low == 0.05
+    assert building.fit_settings(plain) == FitSettings(restarts=4, minimum_improvement=1e-3)
+    assert building.fit_settings(raised).bounds.noise_std.low == 0.05
     # At its default it is no part of the key: artifacts from before it was a setting are found.
     assert "noise_floor" not in plain.section("gp")["gp"]
     assert raised.section("gp")["gp"]["noise_floor"] == 0.05
     report = fit_gp.fit_outputs(
-        np.arange(20.0)[:, None], np.ones((20, 1)), gp_settings.fit_settings(raised), np.random.default_rng(0)
+        np.arange(20.0)[:, None], np.ones((20, 1)), building.fit_settings(raised), np.random.default_rng(0)
     )[0].report
     assert report is not None
     assert report.hyper_parameters.noise_std >= 0.05

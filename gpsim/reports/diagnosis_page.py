@@ -14,10 +14,9 @@ from gpsim.diagnosis.run import Decision
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
 from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
-from gpsim.reports.canvas import FAINT, SEGMENTS
+from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import not_asked_lines, ranking
-from gpsim.reports.html import fragment_of, page_of, resource
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
 

@@ -16,9 +16,8 @@ from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import claim_name, effect_name, told_effects
 from gpsim.reports.account_lines import account_lines
-from gpsim.reports.canvas import INK, data_uri, named, panels, style
+from gpsim.reports.canvas import INK, data_uri, named, page_of, panels, resource, style
 from gpsim.reports.diagnosis_text import gate_text
-from gpsim.reports.html import page_of, resource
 from gpsim.reports.quantities import shortened, size_text
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, whole_percent
 

@@ -11,9 +11,8 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from gpsim.reports.canvas import POLICIES, colours, data_uri
+from gpsim.reports.canvas import POLICIES, colours, data_uri, page_of, resource
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
-from gpsim.reports.html import page_of, resource
 from gpsim.reports.loop_figures import (
     figure_divergence,
     figure_expert_rounds,

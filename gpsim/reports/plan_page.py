@@ -13,8 +13,18 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import Channels
 from gpsim.planning import FIXED, Plan
-from gpsim.reports.canvas import FAINT, LABEL, OTHERS, data_uri, legend_above, named, panels, style
-from gpsim.reports.html import page_of, resource
+from gpsim.reports.canvas import (
+    FAINT,
+    LABEL,
+    OTHERS,
+    data_uri,
+    legend_above,
+    named,
+    page_of,
+    panels,
+    resource,
+    style,
+)
 from gpsim.reports.sheets import MISSING, Cell, Sheet, percent, row, significant, unit
 
 

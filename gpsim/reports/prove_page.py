@@ -6,11 +6,56 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpsim.reports.html import page_of, resource
-from gpsim.reports.prove_sheets import beside, confusion_sheet, proof_sheets
-from gpsim.reports.sheets import Cell, Sheet, printable, row
+from gpsim.reports.canvas import page_of, resource
+from gpsim.reports.prove_groups import GROUPS
+from gpsim.reports.prove_sheets import proof_sheets
+from gpsim.reports.sheets import Cell, Sheet, printable, row, sheet
+from gpsim.trials.statistics import EQUIVALENT
 
 Json = Mapping[str, Any]
+
+
+MOST_NAMED = 10
+
+
+def beside(content: Json) -> list[str]:
+    """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
+    missing, unscored = content["undiagnosed"], content["not_scored"]
+    others = sum(content.get(part, {}).get("n", 0) for part in GROUPS)
+    others += content.get("plans", {}).get("drawn", 0)
+    published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
+    lines = []
+    if missing:
+        lines.append(
+            f"{len(missing)} of {published} published trials were not diagnosed and do not count: {_named(missing)}"
+        )
+    if unscored:
+        lines.append(f"{len(unscored)} could not be scored and count as wrong: {_named(unscored)}")
+    return lines
+
+
+def _named(trials: Sequence[str]) -> str:
+    """A line's worth of them."""
+    return ", ".join(trials[:MOST_NAMED]) + (", ..." if len(trials) > MOST_NAMED else "")
+
+
+def confusion_sheet(content: Json) -> Sheet:
+    """True family against what was said, worlds with at most one effect."""
+    said = sorted({name for counts in content["confusion"].values() for name in counts})
+    rows = (
+        (truth, *(Cell(str(counts.get(name, "")), marked=_wrong(truth, name, counts)) for name in said))
+        for truth, counts in content["confusion"].items()
+    )
+    return sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), rows)
+
+
+def _wrong(truth: str, said: str, counts: Json) -> bool:
+    return name_differs(truth, said) and bool(counts.get(said))
+
+
+def name_differs(truth: str, said: str) -> bool:
+    """Whether a name asserted is not the true one; `unknown` asserts none."""
+    return said not in (truth, "unknown", EQUIVALENT)
 
 
 def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:

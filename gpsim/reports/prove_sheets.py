@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gpsim.reports.prove_groups import GROUPS, brief_sheets, group_sheets
+from gpsim.reports.prove_groups import brief_sheets, group_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
-from gpsim.trials.statistics import EQUIVALENT, GOALS, bounds_of
+from gpsim.trials.statistics import GOALS, bounds_of
 
 Json = Mapping[str, Any]
-MOST_NAMED = 10
 SIZES = ("single", "pair", "triple")
 COUNTED = {
     "single": "right",
@@ -66,27 +65,6 @@ def terminal_sheets(content: Json) -> list[Sheet]:
         namers_sheet(content),
     ]
     return [made for made in sheets if made.rows]
-
-
-def beside(content: Json) -> list[str]:
-    """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
-    missing, unscored = content["undiagnosed"], content["not_scored"]
-    others = sum(content.get(part, {}).get("n", 0) for part in GROUPS)
-    others += content.get("plans", {}).get("drawn", 0)
-    published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
-    lines = []
-    if missing:
-        lines.append(
-            f"{len(missing)} of {published} published trials were not diagnosed and do not count: {_named(missing)}"
-        )
-    if unscored:
-        lines.append(f"{len(unscored)} could not be scored and count as wrong: {_named(unscored)}")
-    return lines
-
-
-def _named(trials: Sequence[str]) -> str:
-    """A line's worth of them."""
-    return ", ".join(trials[:MOST_NAMED]) + (", ..." if len(trials) > MOST_NAMED else "")
 
 
 def goals_sheet(content: Json) -> Sheet:
@@ -274,25 +252,6 @@ def kinds_sheet(content: Json) -> Sheet:
     """Physics outside the catalogue by what it is."""
     rows = ((n, f"{k['said_so']}/{k['n']}", str(k["named_wrong"])) for n, k in content["kinds"].items())
     return sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), rows)
-
-
-def confusion_sheet(content: Json) -> Sheet:
-    """True family against what was said, worlds with at most one effect."""
-    said = sorted({name for counts in content["confusion"].values() for name in counts})
-    rows = (
-        (truth, *(Cell(str(counts.get(name, "")), marked=_wrong(truth, name, counts)) for name in said))
-        for truth, counts in content["confusion"].items()
-    )
-    return sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), rows)
-
-
-def _wrong(truth: str, said: str, counts: Json) -> bool:
-    return name_differs(truth, said) and bool(counts.get(said))
-
-
-def name_differs(truth: str, said: str) -> bool:
-    """Whether a name asserted is not the true one; `unknown` asserts none."""
-    return said not in (truth, "unknown", EQUIVALENT)
 
 
 def _share(block: Json | None, name: str) -> str:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.reports.canvas import colours
-from gpsim.reports.html import page_of, resource
+from gpsim.reports.canvas import colours, page_of, resource
 from gpsim.reports.sheets import fixed, significant
 from gpsim.runs import ABSENT, Difference
 

@@ -26,7 +26,7 @@ from gpsim.files import Json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import Episode, ImportReport, Recording, write_recording
 from gpsim.settings import build, choice, number, positive
-from gpsim.stages import gp_settings, train_source
+from gpsim.stages import building, train_source
 from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
 from gpsim.stages.import_log import (
     changes_of,
@@ -81,13 +81,13 @@ def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episo
     """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
     base = base_plant(request.config)
     residuals = residuals_of(base, episodes, generator(request.seed, "collect/active/order"))
-    features = Features.of(gp_settings.input_names(request), residuals.channels)
+    features = Features.of(building.input_names(request), residuals.channels)
     rows = residuals.training_rows(settings.n_train)
     try:
         gps = fit_outputs(
             features(residuals.inputs[rows]),
             residuals.values[rows],
-            _quick(gp_settings.fit_settings(request)),
+            _quick(building.fit_settings(request)),
             generator(request.seed, "collect/active/fit"),
         )
     except ValueError as error:
@@ -137,7 +137,7 @@ def check(request: Request) -> None:
     _check_sensors(section)
     if active(request):
         active_settings(request)
-        gp_settings.check(request)
+        building.check_gp(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
         check_sweep(request.config)
     else:

@@ -34,7 +34,6 @@ from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
     certify,
     evaluate_deployed,
-    evaluate_goal,
     evaluate_recording,
     fit_gp,
     safety,
@@ -50,8 +49,8 @@ from gpsim.stages.building import (
     residuals_of,
     target_plant,
 )
+from gpsim.stages.certify import robustness, what_is_open
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.evaluate_goal import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.train_gp_policy import TRAINED_BY, full_return, needs_diagnosis, policy_names
@@ -130,8 +129,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
     trips: dict[str, Trips] = {}
-    if evaluate_goal.goal_task(request) is not None:
-        trips = evaluate_goal.drive_all(
+    if certify.goal_task(request) is not None:
+        trips = certify.drive_all(
             request, recipe, folder, policy_names(request), _training_plants(request, recipe)
         )
     returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
@@ -153,7 +152,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
         **(
-            _success(trips, evaluate_goal.facing_away(request), by_set)
+            _success(trips, certify.facing_away(request), by_set)
             if trips
             else {"own_simulator": _promised(request, recipe)}
         ),

@@ -19,7 +19,7 @@ from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.residuals import Residuals, either_wraps, first_held_out, holding_out
 from gpsim.settings import positive
-from gpsim.stages import build_residuals, fit_gp, gp_settings, train_gp_policy
+from gpsim.stages import build_residuals, building, fit_gp, train_gp_policy
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import write_arrays
@@ -59,7 +59,7 @@ def training_inputs(request: Request, residuals: Residuals) -> FloatArray:
 
 def own_inputs(request: Request, data: Residuals) -> FloatArray:
     """(N, D): the GPs' inputs of transitions."""
-    return Features.of(gp_settings.input_names(request), data.channels)(data.inputs)
+    return Features.of(building.input_names(request), data.channels)(data.inputs)
 
 
 WHY = (

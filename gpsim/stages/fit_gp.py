@@ -29,15 +29,22 @@ from gpsim.residuals import build_residuals as subtracted
 from gpsim.settings import build, number
 from gpsim.simulators import SimulatorPlant
 from gpsim.stages import build_residuals
-from gpsim.stages.building import base_plant
-from gpsim.stages.gp_settings import chain_of, check, count_of, fit_settings, input_names, settle_of
+from gpsim.stages.building import (
+    base_plant,
+    chain_of,
+    check_gp,
+    count_of,
+    fit_settings,
+    input_names,
+    settle_of,
+)
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
 
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
-    check(request)
+    check_gp(request)
     observations_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})

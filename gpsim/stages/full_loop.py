@@ -7,7 +7,7 @@ from gpsim.launchers import Launcher, Update
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
-from gpsim.stages import build_residuals, certify, collect, evaluate, gp_settings, train_source
+from gpsim.stages import build_residuals, building, certify, collect, evaluate, train_source
 from gpsim.stages.building import (
     base_plant,
     drivable,
@@ -52,7 +52,7 @@ def _check(request: Request) -> None:
     if request.config["diagnosis"] is not None:
         effects_plant(request.having(correction="effects"), find_diagnosis(request))
     build_residuals.check(request)
-    gp_settings.check(request)
+    building.check_gp(request)
     _check_episodes(request)
     if drivable(request.config):
         target_plant(request.config)

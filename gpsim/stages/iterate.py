@@ -24,10 +24,10 @@ from gpsim.settings import positive
 from gpsim.simulators import Plant
 from gpsim.stages import (
     build_residuals,
+    building,
     certify,
     collect,
     fit_gp,
-    gp_settings,
     safety,
     train_gp_policy,
     train_source,
@@ -78,7 +78,7 @@ def check(request: Request) -> int:
     positive(request.config["collect"]["episodes"], "collect.episodes")
     collect.check(request)
     build_residuals.check(request)
-    gp_settings.check(request)
+    building.check_gp(request)
     target_plant(request.config)
     certify.recipe(request)
     return rounds

@@ -24,7 +24,6 @@ from gpsim.stages import (
     certify,
     collect,
     evaluate,
-    evaluate_goal,
     fit_gp,
     train_gp_policy,
 )
@@ -149,10 +148,10 @@ def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
 
 def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
     """Every seed's trips, where the task has a goal; paths are the first seed's."""
-    task = evaluate_goal.goal_task(request)
+    task = certify.goal_task(request)
     if task is None:
         return None
-    read = [evaluate_goal.read_trips(artifact) for artifact in evaluated]
+    read = [certify.read_trips(artifact) for artifact in evaluated]
     parts = {
         part: {name: np.stack([found[part][name] for found, _ in read]) for name in read[0][0][part]}
         for part in ("reached", "steps", "path")
@@ -160,7 +159,7 @@ def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
     return TripReport(
         **parts,
         behind=read[0][1],
-        paths=evaluate_goal.read_paths(evaluated[0]),
+        paths=certify.read_paths(evaluated[0]),
         goal_radius=task.goal_radius,
         arena=task.arena,
         floor=task.floor,

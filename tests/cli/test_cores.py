@@ -5,14 +5,14 @@ import subprocess
 import sys
 
 import pytest
-from gpsim.cli.launching import usable_cores
+from gpsim.cli.options import usable_cores
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no process is bound to cores here")
 def test_a_process_that_is_bound_to_one_core_takes_one():
     core = min(os.sched_getaffinity(0))
     code = (
-        f"import os; os.sched_setaffinity(0, {{{core}}}); from gpsim.cli.launching import CORES; print(CORES)"
+        f"import os; os.sched_setaffinity(0, {{{core}}}); from gpsim.cli.options import CORES; print(CORES)"
     )
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

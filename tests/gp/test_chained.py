@@ -14,7 +14,7 @@ from gpsim.gp import (
     from_arrays,
     to_arrays,
 )
-from gpsim.stages import gp_settings
+from gpsim.stages import building
 from gpsim.stages.stage import Request
 
 SETTINGS = FitSettings(restarts=1, max_iterations=60)
@@ -76,5 +76,5 @@ def test_a_chain_on_disk_is_the_same(chained):
 def test_a_chain_that_cannot_be_is_one_line(word, said):
     words = ("gp=chained", word)
     with pytest.raises(UsageError) as refused:
-        gp_settings.check(Request(resolve(list(words), None), words))
+        building.check_gp(Request(resolve(list(words), None), words))
     assert str(refused.value).startswith(said)

@@ -18,7 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.evaluation import worst_tenth
 from gpsim.files import write_json
 from gpsim.simulators import make_simulator
-from gpsim.stages import evaluate_goal, train_gp_policy
+from gpsim.stages import certify, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.diagnosis_files import POSTERIOR
 from gpsim.stages.export import export_policy
@@ -91,7 +91,7 @@ def test_what_is_drawn_to_be_driven_is_what_was_drawn_to_be_trained(tmp_path):
     made, _ = train_gp_policy.STAGE.make(asked.having(robustness="posterior"))
 
     recipe = Recipe("evaluate", {}, {"diagnosis": find_diagnosis(asked), "Posterior": made}, {})
-    found = evaluate_goal.robustness(asked, recipe, {"Posterior": np.arange(20.0)})["robustness"]
+    found = certify.robustness(asked, recipe, {"Posterior": np.arange(20.0)})["robustness"]
     assert found["target"]["Posterior"]["worst_tenth"] == 0.5
     on_drawn = found["posterior"]["Posterior"]
     assert on_drawn["worst_tenth"] <= on_drawn["mean"]

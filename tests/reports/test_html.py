@@ -9,7 +9,7 @@ import pytest
 from odd_names import ODD, odd_report
 from pages import check_policy
 
-from gpsim.reports.html import page_of, resource
+from gpsim.reports.canvas import page_of, resource
 from gpsim.reports.loop_page import render
 from gpsim.reports.prove_page import record
 from gpsim.reports.sheets import Sheet, row
