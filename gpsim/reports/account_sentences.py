@@ -25,8 +25,14 @@ JUDGED: Mapping[JudgedOn, str] = {
 
 def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     """What follows the verdict's name."""
+    if diagnosis.verdict == "none" and diagnosis.remainder.structured:
+        return (
+            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
+        )
     if diagnosis.verdict == "none":
-        return _none(diagnosis)
+        return (
+            "nothing is missing that this recording could show: simulator and recording differ by noise only."
+        )
     if diagnosis.verdict == "unknown":
         return _unknown(diagnosis)
     alone = len(headline) == 1 == len(diagnosis.effects)  # slight effects explain some of it, too
@@ -46,7 +52,9 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     doubts = diagnosis.doubts
     measured = [effect_name(effect) for effect in headline if effect.curve is not None]
     bent = [effect_name(e) for e in headline if e.form == "approximate" and e.curve is None]
-    if "left" in doubts or _much_is_left(diagnosis) or not (bent or measured or doubts):
+    share = diagnosis.explained.rollout  # much is left: the verdict would be `partial` if all laws held
+    much = share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
+    if "left" in doubts or much or not (bent or measured or doubts):
         return "; the rest is unexplained: the corrected simulator helps, but is not complete"
     if bent:
         law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
@@ -62,19 +70,13 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     strange = [effect_name(e) for e in headline if e.implausible]
     if "implausible" in doubts and strange:
         return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
-    vague = [effect_name(e) for e in headline if _vague(e)]
+    vague = [effect_name(e) for e in headline if _held(e) or not sized(e.family, e.parameters)]
     return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
 
 
-def _vague(effect: NamedEffect) -> bool:
-    bound = any(size.at_bound for size in effect.parameters.values())
-    return bound or not sized(effect.family, effect.parameters)
-
-
-def _much_is_left(diagnosis: Diagnosis) -> bool:
-    """Whether the verdict would be `partial` if all laws held."""
-    share = diagnosis.explained.rollout
-    return share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
+def _held(effect: NamedEffect) -> bool:
+    """Whether a size lies at the bound of the search."""
+    return any(size.at_bound for size in effect.parameters.values())
 
 
 def _share(diagnosis: Diagnosis) -> str:
@@ -95,21 +97,12 @@ def _others(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     return told if is_open(lowest) else f"{told} (odds of {certainty_text(lowest)})"
 
 
-def _none(diagnosis: Diagnosis) -> str:
-    if diagnosis.remainder.structured:
-        return (
-            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
-        )
-    return "nothing is missing that this recording could show: simulator and recording differ by noise only."
-
-
 def _unknown(diagnosis: Diagnosis) -> str:
     found = diagnosis.explained.rollout
     if found is None or not found.share > 0.0:
         return "something is missing, and no effect of the catalogue explains it on held-out data."
-    return (
-        f"something is missing; the best explanation covers {share_text(found)} of it, too little to name it."
-    )
+    said = share_text(found)
+    return f"something is missing; the best explanation covers {said} of it, too little to name it."
 
 
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
@@ -126,21 +119,15 @@ def left(diagnosis: Diagnosis) -> Iterator[str]:
     if diagnosis.log_facts:
         yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
     yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
-    poor = [
-        f"{percent(found.share)} % of {spelled(rate)}"
-        for rate, found in diagnosis.explained.one_step.items()
-        if found.share < POOR
-    ]
+    steps = diagnosis.explained.one_step.items()
+    poor = [f"{percent(found.share)} % of {spelled(rate)}" for rate, found in steps if found.share < POOR]
     if poor and diagnosis.verdict not in ("unknown", "none"):
         yield f"one step ahead only {listed(poor)} is explained"
     gp = diagnosis.remainder.gp
     if gp is not None and gp.used and diagnosis.verdict != "none":
         alone = diagnosis.verdict == "unknown"
-        yield (
-            "a Gaussian process has learned it: the errors after include it"
-            if alone
-            else "a Gaussian process has learned it: simulate with it for smaller errors"
-        )
+        use = "the errors after include it" if alone else "simulate with it for smaller errors"
+        yield f"a Gaussian process has learned it: {use}"
 
 
 def box_name(diagnosis: Diagnosis) -> str:
@@ -194,9 +181,8 @@ def _amount(diagnosis: Diagnosis) -> str:
     if inputs:
         text += f"; it changes with {listed([spelled(name) for name in inputs])}"
     if law is not None and is_missing(law) and law.memory:
-        text += (
-            f", also with {'its' if len(inputs) == 1 else 'their'} history over the last {law.memory:.2g} s"
-        )
+        whose = "its" if len(inputs) == 1 else "their"
+        text += f", also with {whose} history over the last {law.memory:.2g} s"
     return text
 
 
@@ -209,7 +195,7 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     """The advice that would help most, first what only another recording can decide."""
     if diagnosis.verdict == "none":
         return ["train in the simulator as it is: it needs no correction"]
-    held = [effect_name(e) for e in headline if any(p.at_bound for p in e.parameters.values())]
+    held = [effect_name(e) for e in headline if _held(e)]
     if diagnosis.tell_apart and diagnosis.alternatives:
         return [diagnosis.tell_apart]
     measured = [e.curve for e in headline if e.curve is not None]
@@ -218,9 +204,8 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     if diagnosis.remainder.structured or diagnosis.verdict in ("unknown", "partial"):
         return [_where_it_moves(diagnosis)]
     if diagnosis.combinations:
-        return [
-            f"measure {parameters_of(diagnosis.combinations[0])} on its own: motion alone fixes only a combination"
-        ]
+        of = parameters_of(diagnosis.combinations[0])
+        return [f"measure {of} on its own: motion alone fixes only a combination"]
     if held:
         return [f"record more of what {held[0]} does: its size is at the limit of the search"]
     vague = max(headline, key=_vagueness, default=None)
@@ -254,13 +239,13 @@ def _where_it_moves(diagnosis: Diagnosis) -> str:
     law = diagnosis.remainder.lack_of_fit
     if law is not None and is_missing(law) and law.memory:
         return (
-            f"record steps of {_names(law.on)} with pauses longer than {2 * law.memory:.2g} s between them: what is "
+            f"record steps of {listed(list(map(spelled, law.on)))} with pauses longer than {2 * law.memory:.2g} s between them: what is "
             "missing has memory"
         )
     inputs = hangs_on(diagnosis)
     if inputs:
         return (
-            f"record {_names(inputs)} over {'its' if len(inputs) == 1 else 'their'} whole range, in one slow sweep "
+            f"record {listed(list(map(spelled, inputs)))} over {'its' if len(inputs) == 1 else 'their'} whole range, in one slow sweep "
             f"and one fast sweep: what is missing changes with {'it' if len(inputs) == 1 else 'them'}"
         )
     if diagnosis.explained.judged_on != "held-out rollouts":
@@ -268,16 +253,12 @@ def _where_it_moves(diagnosis: Diagnosis) -> str:
     return "record slow and fast sweeps of every command: no measured channel predicts what is left"
 
 
-def _names(names: Sequence[str]) -> str:
-    return listed([spelled(name) for name in names])
-
-
 def _vagueness(effect: NamedEffect) -> float:
-    return max((_relative(p) for p in effect.parameters.values()), default=0.0)
+    """Half the interval's width over the value, the largest of its sizes."""
+    return max(map(_relative, effect.parameters.values()), default=0.0)
 
 
 def _relative(size: Estimate) -> float:
-    """Half the interval's width over the value."""
     if size.low is None or size.high is None or not math.isfinite(size.value):
         return math.inf
     width = abs(size.high - size.low) / 2
@@ -305,9 +286,8 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
         for claims, p in zip(every, chances, strict=True)
     ]
     claimed = _claims([effect for effect in diagnosis.effects if effect.role == "headline"])
-    if shared := [
-        claim for claim in certain if claim in claimed
-    ]:  # what is slight is no claim, whoever shares it
+    shared = [claim for claim in certain if claim in claimed]  # what is slight is no claim, whoever shares it
+    if shared:
         yield f"in every explanation: {_said(shared)}"
     first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
     more = f" or {further} more in diagnosis.json" if further > 0 else ""

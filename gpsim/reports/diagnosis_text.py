@@ -78,7 +78,7 @@ def combination_text(combination: Combination) -> str:
     """What of some parameters is fixed, and what stays open, in a sentence."""
     names = [_parameter(name) for name in combination.of]
     named = all(name in combination.fixed for name in names)
-    of = "" if named else f"of {_listed(names)} "
+    of = "" if named else f"of {listed(names, None)} "
     return f"{of}only {combination.fixed} is fixed; {combination.open}"
 
 
@@ -87,7 +87,7 @@ def combination_texts(combinations: Sequence[Combination]) -> list[str]:
     ratios = [c for c in combinations if _is_ratio(c)]
     if len(ratios) < 2:
         return [combination_text(c) for c in combinations]
-    together = f"only {_listed([c.fixed for c in ratios])} are fixed: these may all be scaled alike"
+    together = f"only {listed([c.fixed for c in ratios], None)} are fixed: these may all be scaled alike"
     return [together, *(combination_text(c) for c in combinations if not _is_ratio(c))]
 
 
@@ -97,11 +97,7 @@ def _is_ratio(combination: Combination) -> bool:
 
 def parameters_of(combination: Combination) -> str:
     """`cart_mass or the gain of force`: what would have to be known from elsewhere."""
-    return _listed([_parameter(name) for name in combination.of], "or")
-
-
-def _listed(names: Sequence[str], word: str = "and") -> str:
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    return listed([_parameter(name) for name in combination.of], None, "or")
 
 
 def _parameter(name: str) -> str:
@@ -123,10 +119,10 @@ MOST_NAMED = 4
 
 def not_asked_lines(entries: Sequence[NotAsked]) -> list[str]:
     """One line each: what never changed, was not measured or was settled, and what is left out for it."""
-    return [_line(entry) for entry in entries]
+    return list(map(_not_asked, entries))
 
 
-def _line(entry: NotAsked) -> str:
+def _not_asked(entry: NotAsked) -> str:
     name, value = entry.channel, f"{entry.value:g} {entry.unit}" if entry.value is not None else ""
     said = {
         "no command": f"{name} was not recorded and is taken as 0 {entry.unit}",
@@ -158,12 +154,8 @@ MOST = 3  # names that are told of a list
 
 def ranking(diagnosis: Diagnosis) -> list[str]:
     """Every hypothesis that was fitted, the best first; those of the search alone, which had fewer data, at the end."""
-    lines = []
-    for windows, title in RANKINGS.items():
-        group = [entry for entry in diagnosis.ranking if entry.windows == windows]
-        if group:
-            lines += [title, *(_ranked(entry) for entry in group)]
-    return lines
+    groups = {title: [e for e in diagnosis.ranking if e.windows == w] for w, title in RANKINGS.items()}
+    return [line for title, group in groups.items() if group for line in (title, *map(_ranked, group))]
 
 
 def where(diagnosis: Diagnosis) -> str:
@@ -205,11 +197,11 @@ def in_region(name: str, low: float, high: float) -> str:
     return f"{spelled(name)} in {_between(low, high)}"
 
 
-def listed(names: Sequence[str], most: int = MOST) -> str:
-    """`a, b and c`; of a longer list the first ones and how many more there are."""
-    if len(names) > most:
+def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
+    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
+    if most is not None and len(names) > most:
         names = [*names[:most], f"{len(names) - most} more"]
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _own_step(diagnosis: Diagnosis) -> str:
@@ -231,17 +223,15 @@ def _part(diagnosis: Diagnosis) -> str:
     if part is None or named:
         return ""
     (low, high), name = part.interval, part.channel
-    of = name if part.is_channel else name.removeprefix(SINCE_REVERSAL)
-    lies = f"{part.where} {spelled(name)} = {_between(low, high)}" if of == name else _soon_after(of, high)
+    of = spelled(name.removeprefix(SINCE_REVERSAL))
+    if part.is_channel or not name.startswith(SINCE_REVERSAL):
+        lies = f"{part.where} {spelled(name)} = {_between(low, high)}"
+    else:
+        lies = f"within {high:.3g} s of a reversal of {of}" if high > 0.0 else f"where {of} reverses"
     return (
         f"; {percent(part.share_of_mismatch)} % of {spelled(part.rate)}'s error lies {lies}, "
         f"in {percent(part.share_of_samples)} % of the samples"
     )
-
-
-def _soon_after(of: str, seconds: float) -> str:
-    of = spelled(of)
-    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} reverses"
 
 
 def _between(low: float, high: float) -> str:
@@ -263,25 +253,20 @@ def _looked_at(diagnosis: Diagnosis) -> str:
     """What a reader must know of the data that were looked at."""
     text = ""
     if diagnosis.thinned > 1:
-        text += f" The clock is fast: every {_ordinal(diagnosis.thinned)} sample was used, commands averaged between."
+        nth = f"{diagnosis.thinned}{ {2: 'nd', 3: 'rd'}.get(diagnosis.thinned, 'th') }"
+        text += f" The clock is fast: every {nth} sample was used, commands averaged between."
     if diagnosis.not_measured:
         names = listed([spelled(name) for name in diagnosis.not_measured])
         text += f" Not measured and estimated by each model: {names}."
     return text
 
 
-def _ordinal(number: int) -> str:
-    return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
-
-
 def _error_in(told: Sequence[tuple[str, str]]) -> str:
     """In which rates the simulator is wrong, the worst first: how much of the error there is more than noise."""
-    (first, share), others = told[0], told[1:]
-    names = [
-        f"{first} ({share} % of the error there is not noise)",
-        *(f"{name} ({s} %)" for name, s in others),
-    ]
-    return f"in {listed(names)}"
+    more = [" of the error there is not noise", *[""] * len(told)]
+    return (
+        f"in {listed([f'{name} ({share} %{said})' for (name, share), said in zip(told, more, strict=False)])}"
+    )
 
 
 def _no_part(diagnosis: Diagnosis) -> str:

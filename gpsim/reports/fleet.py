@@ -19,7 +19,7 @@ from gpsim.reports.account_lines import account_lines
 from gpsim.reports.canvas import INK, data_uri, named, page_of, panels, resource, style
 from gpsim.reports.diagnosis_text import gate_text
 from gpsim.reports.quantities import shortened, size_text
-from gpsim.reports.sheets import MISSING, Cell, Sheet, row, whole_percent
+from gpsim.reports.sheets import MISSING, Cell, Sheet, row, sheet, whole_percent
 
 WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
 TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
@@ -178,10 +178,9 @@ def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
     judged = [robot for robot in robots if robot.judged]
     odd = list(dict.fromkeys(d.robot for d in found))
     failed = sum(robot.diagnosis is None for robot in robots)
-    beside = [
-        *([f"{failed} could not be diagnosed"] if failed else []),
-        *([f"of {n} nobody can say what is missing"] if (n := len(robots) - len(judged) - failed) else []),
-    ]
+    open_ = len(robots) - len(judged) - failed
+    beside = [f"{failed} could not be diagnosed"] if failed else []
+    beside += [f"of {open_} nobody can say what is missing"] if open_ else []
     if len(judged) < 2:
         said = f"{len(judged)} of {len(robots)} recordings can be compared"
     elif not odd:
@@ -189,9 +188,8 @@ def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
     elif len(judged) < FEW:
         said = "the two robots differ; a third would say which is the odd one"
     else:
-        said = (
-            f"{len(odd)} of {len(judged)} robots {'differs' if len(odd) == 1 else 'differ'}: {', '.join(odd)}"
-        )
+        verb = "differs" if len(odd) == 1 else "differ"
+        said = f"{len(odd)} of {len(judged)} robots {verb}: {', '.join(odd)}"
     return "; ".join([said, *beside])
 
 
@@ -267,28 +265,22 @@ def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
         said=headline(robots, found),
         picture=None if figure is None else data_uri(figure),
         sheets=[differences_sheet(found), robots_sheet(robots, found)],
-        accounts=[
-            (robot.name, _account(robot, simulator))
-            for robot, simulator in zip(robots, simulators, strict=True)
-        ],
+        accounts=[(r.name, _account(r, simulator)) for r, simulator in zip(robots, simulators, strict=True)],
     )
 
 
 def differences_sheet(found: Sequence[Deviation]) -> Sheet:
     """A row a difference."""
-    rows = tuple(
-        row(Cell(d.robot, marked=True), d.effect, d.here, d.others, d.since or MISSING) for d in found
-    )
-    return Sheet(
-        "What differs", ("robot", "effect", "here", "the others", "since, where"), rows, labels=5, note=NOTE
-    )
+    rows = ((Cell(d.robot, marked=True), d.effect, d.here, d.others, d.since or MISSING) for d in found)
+    columns = ("robot", "effect", "here", "the others", "since, where")
+    return sheet("What differs", columns, rows, labels=5, note=NOTE)
 
 
 def robots_sheet(robots: Sequence[Robot], found: Sequence[Deviation]) -> Sheet:
     """A row a robot."""
     odd = {d.robot for d in found}
-    rows = tuple(_robot(robot, robot.name in odd) for robot in robots)
-    return Sheet("Every robot", ("robot", "verdict", "explained", "effects"), rows, labels=4)
+    rows = (_robot(robot, robot.name in odd) for robot in robots)
+    return sheet("Every robot", ("robot", "verdict", "explained", "effects"), rows, labels=4)
 
 
 def _robot(robot: Robot, odd: bool) -> tuple[Cell, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from gpsim.reports.loop_report import (
     printed_returns,
 )
 from gpsim.reports.model_sheets import data_of, rates, scores
-from gpsim.reports.sheets import Cell, Sheet, fixed, known, percent, plus_minus, row, span, whole_percent
+from gpsim.reports.sheets import Cell, Sheet, fixed, known, percent, plus_minus, sheet, span, whole_percent
 
 SHORT = 0.9
 """A seed falls short when its mean is below this share of the best seed's, of any policy, on the same starts."""
@@ -47,64 +47,69 @@ def failing(report: LoopReport, starts: str) -> dict[str, list[tuple[int, float]
     return found
 
 
+Column = tuple[str, Callable[[str, Mapping[str, Any]], Cell | str]]
+"""The head of a column, and its cell of a policy and what is known of that."""
+POLICY: Column = ("Policy", lambda policy, stats: Cell(policy, name=policy))
+
+
 def _returns(report: LoopReport, starts: str) -> Sheet:
-    several = len(report.seeds) > 1
-    # The thesis leaves starts that cannot be solved out.
-    compare = starts != "returns_all" and bool(printed_returns(report.system))
-    full = bool(report.returns) and report.trips is None and not report.own_rewards
-    columns = ["Policy"]
-    columns += ["Thesis"] if compare else []
-    columns += ["Mean ± std", "IQM"]
-    columns += ["Full episodes"] if full else []
-    promised = report.summary.get("own_simulator") if starts == "returns_all" else None
-    columns += ["In its own simulator"] if promised else []
-    columns += [f"Seed {seed}" for seed in report.seeds] if several else []
-    rows = []
-    for policy in report.policies:
-        stats = report.stats(starts, policy)
-        cells: list[Cell | str] = [Cell(policy, name=policy)]
-        cells += [_thesis(report, policy)] if compare else []
-        cells += [
-            Cell(plus_minus(stats.get("mean"), stats.get("std")), below=span(stats.get("interval"))),
-            Cell(fixed(stats.get("iqm")), below=span(stats.get("iqm_interval"))),
-        ]
-        cells += (
-            [whole_percent(report.full_share(starts, policy)) if stats.get("episodes") else "–"]
-            if full
-            else []
+    columns, printed = [POLICY], printed_returns(report.system)
+    if starts != "returns_all" and printed:  # the thesis leaves starts that cannot be solved out
+        columns.append(
+            ("Thesis", lambda p, s: f"{printed[p].mean} ± {printed[p].std}" if p in printed else "–")
         )
-        cells += [fixed(promised.get(policy))] if promised else []
-        cells += _by_seed(report, starts, policy) if several else []
-        rows.append(row(*cells))
-    return Sheet(
+    columns += [
+        (
+            "Mean ± std",
+            lambda p, s: Cell(plus_minus(s.get("mean"), s.get("std")), below=span(s.get("interval"))),
+        ),
+        ("IQM", lambda p, s: Cell(fixed(s.get("iqm")), below=span(s.get("iqm_interval")))),
+    ]
+    if report.returns and report.trips is None and not report.own_rewards:
+        share = lambda p, s: whole_percent(report.full_share(starts, p)) if s.get("episodes") else "–"  # noqa: E731
+        columns.append(("Full episodes", share))
+    if promised := report.summary.get("own_simulator") if starts == "returns_all" else None:
+        columns.append(("In its own simulator", lambda p, s: fixed(promised.get(p))))
+    short = {policy: {seed for seed, _ in low} for policy, low in failing(report, starts).items()}
+
+    def seeds(policy: str, stats: Mapping[str, Any]) -> list[Cell | str]:
+        means = list(stats.get("by_seed") or [])
+        means += [None] * (len(report.seeds) - len(means))
+        low = short.get(policy, set())
+        return [Cell(fixed(mean), marked=s in low) for s, mean in zip(report.seeds, means, strict=False)]
+
+    return _by_policy(
+        report,
         _returns_title(report, starts),
-        tuple(columns),
-        tuple(rows),
-        note=_note(report, starts),
-        tail=len(report.seeds) if several else 0,
+        columns,
+        seeds,
+        {policy: report.stats(starts, policy) for policy in report.policies},
+        _note(report, starts),
     )
 
 
-def _thesis(report: LoopReport, policy: str) -> str:
-    figure = printed_returns(report.system).get(policy)
-    return f"{figure.mean} ± {figure.std}" if figure else "–"
-
-
-def _by_seed(report: LoopReport, starts: str, policy: str) -> list[Cell | str]:
-    means = list(report.stats(starts, policy).get("by_seed") or [])
-    means += [None] * (len(report.seeds) - len(means))
-    short = {seed for seed, _ in failing(report, starts).get(policy, [])}
-    return [Cell(fixed(mean), marked=seed in short) for seed, mean in zip(report.seeds, means, strict=False)]
+def _by_policy(
+    report: LoopReport,
+    title: str,
+    columns: Sequence[Column],
+    seeds: Callable[[str, Mapping[str, Any]], list[Cell | str]],
+    stats: Mapping[str, Mapping[str, Any]],
+    note: str,
+) -> Sheet:
+    """A row a policy, and of several seeds a column each at the end."""
+    several = len(report.seeds) if len(report.seeds) > 1 else 0
+    heads = [head for head, _ in columns] + [f"Seed {seed}" for seed in report.seeds if several]
+    rows = ([*(say(p, s) for _, say in columns), *(seeds(p, s) if several else [])] for p, s in stats.items())
+    return sheet(title, heads, rows, note=note, tail=several)
 
 
 def _returns_title(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
-    count = len(report.starts[starts]) if starts in report.starts else None
-    words = report.set_words[starts]
+    count = len(report.starts[starts]) if starts in report.starts else 0
+    title = f"Return on the target, {report.set_words[starts]}"
     if starts == "returns_all":
-        return f"Return on the target, {words}" + (f" ({count})" if count else "")
-    of = f" of {count}" if count else ""
-    return f"Return on the target, {words}" + (f" ({whole_percent(share)}{of})" if known(share) else "")
+        return f"{title} ({count})" if count else title
+    return f"{title} ({whole_percent(share)}{f' of {count}' if count else ''})" if known(share) else title
 
 
 def _note(report: LoopReport, starts: str) -> str:
@@ -137,41 +142,27 @@ def stats(report: LoopReport, starts: str, policy: str) -> Mapping[str, Any]:
 
 
 def _successes(report: LoopReport, starts: str) -> Sheet:
-    several = len(report.seeds) > 1
-    columns = [
-        "Policy",
-        "Reached",
-        "facing away",
-        "facing the goal",
-        "Steps",
-        "of Target's",
-        "Metres",
-        "of Target's",
+    def of_target(key: str) -> Column:
+        return "of Target's", lambda p, s: fixed((s.get("of_target") or {}).get(key), 3)
+
+    columns: list[Column] = [
+        POLICY,
+        ("Reached", lambda p, s: Cell(whole_percent(s.get("rate")), below=_span(s.get("interval")))),
+        ("facing away", lambda p, s: whole_percent(s.get("behind"))),
+        ("facing the goal", lambda p, s: whole_percent(s.get("ahead"))),
+        ("Steps", lambda p, s: fixed(s.get("steps"))),
+        of_target("steps"),
+        ("Metres", lambda p, s: fixed(s.get("path"), 2)),
+        of_target("path"),
     ]
-    columns += [f"Seed {seed}" for seed in report.seeds] if several else []
-    rows = []
-    for policy in report.policies:
-        found = stats(report, starts, policy)
-        target = found.get("of_target") or {}
-        cells: list[Cell | str] = [
-            Cell(policy, name=policy),
-            Cell(whole_percent(found.get("rate")), below=_span(found.get("interval"))),
-            whole_percent(found.get("behind")),
-            whole_percent(found.get("ahead")),
-            fixed(found.get("steps")),
-            fixed(target.get("steps"), 3),
-            fixed(found.get("path"), 2),
-            fixed(target.get("path"), 3),
-        ]
-        cells += [whole_percent(rate) for rate in found.get("by_seed") or []] if several else []
-        rows.append(row(*cells))
-    return Sheet(
+    return _by_policy(
+        report,
         _successes_title(report, starts),
-        tuple(columns),
-        tuple(rows),
-        note="Steps and metres: means over the trips that reached the goal; of Target's: on the trips that the Target "
+        columns,
+        lambda p, s: [whole_percent(rate) for rate in s.get("by_seed") or []],
+        {policy: stats(report, starts, policy) for policy in report.policies},
+        "Steps and metres: means over the trips that reached the goal; of Target's: on the trips that the Target "
         "policy of the same seed completed too.",
-        tail=len(report.seeds) if several else 0,
     )
 
 
@@ -245,12 +236,7 @@ def _numbers(report: LoopReport) -> str:
     shown = cards(report)
     if starts is None or not shown:
         why = report.summary.get("not_driven")
-        said = (
-            f"No policy was evaluated on the target: {why}."
-            if why
-            else "No policy was evaluated on the target."
-        )
-        return said + _one_step(report)
+        return f"No policy was evaluated on the target{f': {why}' if why else ''}.{_one_step(report)}"
     if report.trips is not None:
         return f"{_goals(report, starts, shown)} {_scope(report, starts)}{_one_step(report)}"
     best = "" if report.own_rewards else f" of {report.best_return:g}"

@@ -246,7 +246,7 @@ def verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
             str(said.get(verdict, "")), marked=bool(said.get(verdict)) and verdict not in wanted.split(" or ")
         )
 
-    rows = ((wanted, *(cell(wanted, said, v) for v in VERDICTS)) for wanted, said in verdicts.items())
+    rows = ((Cell(wanted), *(cell(wanted, said, v) for v in VERDICTS)) for wanted, said in verdicts.items())
     return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
 
 
