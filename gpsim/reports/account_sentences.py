@@ -75,7 +75,6 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
 
 
 def _held(effect: NamedEffect) -> bool:
-    """Whether a size lies at the bound of the search."""
     return any(size.at_bound for size in effect.parameters.values())
 
 
@@ -141,7 +140,6 @@ def box_name(diagnosis: Diagnosis) -> str:
 
 
 def _foreseen(diagnosis: Diagnosis, box: BlackBox) -> str:
-    """How much a black box still finds, and on what that depends."""
     text = f"{box_name(diagnosis)} removes {share_text(box.takes_off)} of the remaining held-out error"
     inputs = listed([spelled(name) for name in box.depends_on])
     return f"{text}; it uses {inputs}" if inputs else text
@@ -186,8 +184,8 @@ def _amount(diagnosis: Diagnosis) -> str:
     return text
 
 
+# Simulators in which gpsim trains policies, and which experiment does.
 TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
-"""Simulators in which gpsim trains policies, and which experiment does."""
 VAGUE = 0.25  # half an interval over its value: a size that is known less well is worth another recording
 
 
@@ -236,17 +234,16 @@ def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> 
 
 def _where_it_moves(diagnosis: Diagnosis) -> str:
     """A recording that shows more of what is left: where what it depends on moves."""
-    law = diagnosis.remainder.lack_of_fit
+    law, inputs = diagnosis.remainder.lack_of_fit, hangs_on(diagnosis)
+    names = listed(list(map(spelled, inputs)))
     if law is not None and is_missing(law) and law.memory:
-        return (
-            f"record steps of {listed(list(map(spelled, law.on)))} with pauses longer than {2 * law.memory:.2g} s between them: what is "
-            "missing has memory"
-        )
-    inputs = hangs_on(diagnosis)
+        pause = f"{2 * law.memory:.2g} s"
+        return f"record steps of {names} with pauses longer than {pause} between them: what is missing has memory"
     if inputs:
+        its, it = ("its", "it") if len(inputs) == 1 else ("their", "them")
         return (
-            f"record {listed(list(map(spelled, inputs)))} over {'its' if len(inputs) == 1 else 'their'} whole range, in one slow sweep "
-            f"and one fast sweep: what is missing changes with {'it' if len(inputs) == 1 else 'them'}"
+            f"record {names} over {its} whole range, in one slow sweep and one fast sweep: what is missing changes "
+            f"with {it}"
         )
     if diagnosis.explained.judged_on != "held-out rollouts":
         return "record for longer: there was too little held-out data to judge what is left"

@@ -27,8 +27,7 @@ SPREAD = 3.0  # robust standard deviations of the fleet
 TO_SIGMA = 1.4826  # median absolute deviation to the standard deviation of a normal distribution
 FEW = 3  # robots: of fewer nobody can say which is the odd one
 
-Claim = tuple[str, str]
-"""Family and place of an effect."""
+Claim = tuple[str, str]  # family and place of an effect
 
 
 @dataclass(frozen=True)
@@ -165,7 +164,6 @@ def size_of(effect: NamedEffect) -> str:
 
 
 def _sizes(effects: Sequence[NamedEffect]) -> str:
-    """The middle one of several, by its first parameter."""
     named = [e for e in effects if e.parameters]
     if not named:
         return f"all {len(effects)} have it"
@@ -195,8 +193,7 @@ def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
 
 ODD = "#B42318"  # as the page marks names
 MOST, NAMED = 6, 30  # panels; robots whose names fit below an axis
-Point = tuple[int, Estimate]
-"""Which robot, counted from 0, and the size of its effect."""
+Point = tuple[int, Estimate]  # which robot, counted from 0, and the size of its effect
 
 
 def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure | None:
@@ -221,7 +218,6 @@ def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure
 
 
 def _common(robots: Sequence[Robot]) -> list[Claim]:
-    """The most frequent first."""
     judged = [robot for robot in robots if robot.judged]
     often = Counter(claim for robot in judged for claim in robot.effects)
     return [claim for claim, count in often.most_common() if 2 * count > len(judged) and count > 1]
