@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
@@ -52,6 +52,8 @@ OPTION = "--out"  # names another place, where this one cannot be written
 MJCF = "mjcf"
 """What --system asks for."""
 ROBOT_STRATA = ("single", "pair", "none")
+APART = {name: f"--{name} 20, with --trials 0 no others" for name in ("machines", "curves", "rough")}
+COUNTED = {"whole": "whole robots", "rough": "rough worlds"}
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
@@ -68,18 +70,7 @@ def numbers_of(
 
     Raises UsageError.
     """
-    strange = sorted(set(strata) - set(STRATA))
-    if "machines" in strange:
-        raise UsageError("machines are counted by themselves: --machines 20, with --trials 0 no others")
-    if "whole" in strange:
-        raise UsageError("whole robots are counted by themselves: --system mjcf --robots 20, with --trials 0")
-    if "curves" in strange:
-        raise UsageError("curves are counted by themselves: --curves 20, with --trials 0 no others")
-    if "rough" in strange:
-        raise UsageError("rough worlds are counted by themselves: --rough 20, with --trials 0 no others")
-    if strange:
-        raise UsageError(f"no stratum '{strange[0]}'; there are: {', '.join(STRATA)}")
-
+    _refuse_strange(strata, STRATA, "", {"whole": "--system mjcf --robots 20, with --trials 0"} | APART)
     if "words" in strata and len(strata) > 1:
         raise UsageError("worlds of newer families are counted by themselves: --stratum words alone")
 
@@ -100,6 +91,16 @@ def numbers_of(
     return [*plain_ones, *counted, *machines_numbers(machines), *plans]
 
 
+def _refuse_strange(strata: Sequence[str], known: Sequence[str], of: str, apart: Mapping[str, str]) -> None:
+    """Raise UsageError for a stratum that is none; apart: kinds that are asked for otherwise, and how."""
+    strange = sorted(set(strata) - set(known))
+    for name, how in apart.items():
+        if name in strange:
+            raise UsageError(f"{COUNTED.get(name, name)} are counted by themselves: {how}")
+    if strange:
+        raise UsageError(f"no stratum '{strange[0]}'{of}; there are: {', '.join(known)}")
+
+
 def machines_numbers(machines: int) -> list[int]:
     """The first `machines` numbers of whole machines; those of arms are left out where what they need is missing."""
     packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
@@ -113,11 +114,8 @@ def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0) -> l
 
     All strata when empty. Raises UsageError.
     """
-    strange = sorted(set(strata) - set(ROBOT_STRATA))
-    if "whole" in strange:
-        raise UsageError("whole robots are counted by themselves: --robots 20, with --trials 0 no others")
-    if strange:
-        raise UsageError(f"no stratum '{strange[0]}' of --system mjcf; there are: {', '.join(ROBOT_STRATA)}")
+    whole_ones = {"whole": "--robots 20, with --trials 0 no others"}
+    _refuse_strange(strata, ROBOT_STRATA, " of --system mjcf", whole_ones)
     if trials + whole < 1:
         raise UsageError("no worlds: say how many with --trials, --robots for whole robots")
     wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
@@ -130,7 +128,7 @@ def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, pr
     with disk_errors(out, OPTION):
         _remember(out, seed)
         (out / PUBLIC).mkdir(parents=True, exist_ok=True)
-        work = partial(_conceal_one, out, seed)
+        work = partial(write_trial, out, seed)
         digests = dict(run_trials(work, numbers, launcher, progress, Carried(out, partial(_halves, out))))
         publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
     return out
@@ -181,11 +179,7 @@ def read_answers(out: Path) -> list[dict[str, Any]]:
         raise UsageError(
             f"{out}: no answers below {PRIVATE}/; make some with: gpsim prove conceal --out {out}"
         )
-    return [_read(path) for path in paths]
-
-
-def _conceal_one(out: Path, seed: int, number: int) -> str:
-    return write_trial(out, seed, number)
+    return [read_object(path) for path in paths]
 
 
 def _diagnose_one(out: Path, number: int) -> float:
@@ -221,19 +215,10 @@ def _everything(out: Path, answers: Path, number: int) -> Iterable[Path]:
 def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Which seed it was, what it is revealed with, and the commits under which the trials were diagnosed."""
     path = answers / CONFIG
-    seed = _read(path)["seed"] if path.is_file() else None
+    seed = read_object(path)["seed"] if path.is_file() else None
     commits = sorted({str(s["git_commit"] or NOT_RECORDED) for s in scores})
-    return {
-        "seed": seed,
-        "git_commit": git_commit(),
-        "diagnosed_under": commits,
-        "packages": package_versions(),
-    }
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """A JSON file; raises UsageError."""
-    return read_object(path)
+    under = {"git_commit": git_commit(), "diagnosed_under": commits, "packages": package_versions()}
+    return {"seed": seed, **under}
 
 
 def _remember(out: Path, seed: int) -> None:
@@ -244,7 +229,7 @@ def _remember(out: Path, seed: int) -> None:
             f"{out}: holds recordings whose answers are elsewhere; diagnose them with: gpsim prove diagnose --out {out}"
         )
     if path.is_file():
-        known = _read(path)["seed"]
+        known = read_object(path)["seed"]
         if known != seed:
             raise UsageError(f"{out}: holds trials of seed {known}; choose another --out for seed {seed}")
         return

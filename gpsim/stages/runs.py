@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_manifest
 from gpsim.errors import UsageError
@@ -68,7 +69,7 @@ def list_runs(
     chosen = [e for e in catalogue.entries if experiment in (None, e.experiment) and stage in (None, e.stage)]
     order = {name: place for place, name in enumerate(code)}
     chosen.sort(key=lambda e: (e.experiment or "~", order.get(e.stage, len(order)), e.age_key))
-    beside = _beside(catalogue) if experiment is None and stage is None else ()
+    beside = _beside(catalogue.leftovers) if experiment is None and stage is None else ()
     return Listing(str(runs_dir), tuple(_listed(catalogue, entry, code) for entry in chosen), beside)
 
 
@@ -129,8 +130,7 @@ def would_go(catalogue: Catalogue, removal: Removal, dry_run: bool = True) -> Re
     """A removal as plain data; before it is done, as what it says is read from the disk."""
     code = todays_code()
     entries = tuple(_listed(catalogue, entry, code) for entry in removal.entries)
-    left = tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in removal.leftovers)
-    return Removed(entries, left, removal.bytes, dry_run)
+    return Removed(entries, _beside(removal.leftovers), removal.bytes, dry_run)
 
 
 def do_removal(
@@ -153,8 +153,8 @@ def _places(words: Sequence[str], beside: Sequence[Path]) -> list[Path]:
     return [*beside, *(Path(word) for word in words if (Path(word) / MANIFEST).is_file())]
 
 
-def _beside(catalogue: Catalogue) -> tuple[Beside, ...]:
-    return tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in catalogue.leftovers)
+def _beside(leftovers: Iterable[Any]) -> tuple[Beside, ...]:
+    return tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in leftovers)
 
 
 def _listed(catalogue: Catalogue, entry: Entry, code: Code) -> Listed:
@@ -192,24 +192,24 @@ def _why_stale(catalogue: Catalogue, entry: Entry, code: Code) -> tuple[Differen
 
 def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
     """The loop and its report, artifact by artifact; raises UsageError for settings that the loop refuses."""
-    jobs = full_loop.plan(request, seeds)
     found: dict[str, Standing] = {}
-    for job in jobs:
-        standing = _forgiving(STAGES[job.stage], job.request, job.label)
-        missing = tuple(label for label in job.after if found[label].state != "there")
-        if standing.state == "waits" and missing:
-            standing = replace(standing, waits_for=missing)
-        found[job.label] = standing
-    last = _forgiving(report.stage_for(seeds), request, "report")
-    missing = tuple(label for label, standing in found.items() if standing.state != "there")
-    if last.state == "waits" and missing:
-        last = replace(last, waits_for=missing)
+
+    def stand(stage: Stage, asked: Request, label: str, after: Sequence[str]) -> None:
+        standing = _forgiving(stage, asked, label)
+        missing = tuple(before for before in after if found[before].state != "there")
+        waits = standing.state == "waits" and missing
+        found[label] = replace(standing, waits_for=missing) if waits else standing
+
+    for job in full_loop.plan(request, seeds):
+        stand(STAGES[job.stage], job.request, job.label, job.after)
+    stand(report.stage_for(seeds), request, "report", list(found))
+    several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
     return LoopStatus(
         experiment=str(request.config["experiment"]),
         runs_dir=str(request.config["runs_dir"]),
         seeds=seeds,
-        standings=(*found.values(), last),
-        command=_loop_command(request, seeds),
+        standings=tuple(found.values()),
+        command=" ".join(["gpsim run full-loop", *map(quoted, request.words), *several]),
     )
 
 
@@ -296,8 +296,3 @@ def _place(artifact: Artifact, role: str) -> str:
             except UsageError:
                 break
     return f"{parent['stage']} {parent['sha256'][:12]}"
-
-
-def _loop_command(request: Request, seeds: tuple[int, ...]) -> str:
-    several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
-    return " ".join(["gpsim run full-loop", *map(quoted, request.words), *several])

@@ -136,11 +136,8 @@ def monitor_of(request: Request, purpose: str) -> Monitor:
 
 def safe_deployment(request: Request, policy: Artifact) -> dict[str, Any]:
     """What the monitor does on the stand-in: with a change that is concealed, and for its minutes without one."""
-    section, task, target = (
-        request.config["deploy"],
-        make_task(request.config).on_target(),
-        target_plant(request.config),
-    )
+    section, target = request.config["deploy"], target_plant(request.config)
+    task = make_task(request.config).on_target()
     monitor, limits, settings = monitor_of(request, "monitor"), limits_of(request), settings_of(request)
     act, fallback = policy_actor(read_policy(policy.path)), _fallback(section["fallback"])
     count, at = int(section["runs"]), round(float(section["change_at"]) / target.dt)
