@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
+from gpsim.diagnosis.assessment import BASE, EFFECTS, Traces
 from gpsim.diagnosis.report import Curve, MeasuredCurve, NamedEffect
 from gpsim.reports.account_effects import claim_name, effect_name, law_name, nearest_said, told_effects
 from gpsim.reports.account_sentences import left_share
@@ -31,7 +32,7 @@ from gpsim.reports.canvas import (
     png,
     style,
 )
-from gpsim.reports.diagnosis_figures import COLOURS, LINES, Picture, limits
+from gpsim.reports.diagnosis_figures import COLOURS, Picture, draw_trace
 from gpsim.reports.diagnosis_text import listed, noun
 from gpsim.reports.quantities import percent, share_text
 
@@ -145,10 +146,11 @@ def _labelled(part: Part) -> str:
 def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     """The median stretch, or the only one: measured, by the base, and corrected by what the account tells."""
     trace = traces.traces[-1]
+    names = {"": "real", **{model: name for model, name in NAMES.items() if model != EFFECTS or corrected}}
     shown = traces.shown[:CHANNELS]
     figure, axes = panels(len(shown), 1, (WIDE, 0.9 + 1.35 * len(shown)), sharex="col")
     for i, axis in enumerate(axes[:, 0]):
-        _draw(axis, trace, i, corrected)
+        draw_trace(axis, trace, i, names, 1.4)
         channel = state.items[traces.shown[i]]
         axis.set_ylabel(named(channel.name, channel.unit, LABEL))
     axes[-1, 0].set_xlabel("t [s]")
@@ -164,32 +166,12 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     )
 
 
-def _draw(axis: Axes, trace: Trace, column: int, corrected: bool) -> None:
-    axis.plot(trace.t, trace.measured[:, column], ".", color=FAINT, markersize=3.5, label="real")
-    for model, said in trace.said.items():
-        if model == EFFECTS and not corrected:
-            continue
-        axis.plot(
-            trace.t,
-            said[:, column],
-            color=COLOURS[model],
-            linestyle=LINES[model],
-            linewidth=1.4,
-            label=NAMES[model],
-        )
-    axis.set_ylim(*limits(trace, column))
-    axis.ticklabel_format(useOffset=False)
-
-
 def _curve(curve: Curve) -> Picture:
     """The free curve with its band, and the laws that it stands in for."""
     at = np.asarray(curve.at)
     figure, axes = panels(1, 1, (WIDE, 3.0))
     axis: Axes = axes[0, 0]
-    if len(curve.low) == len(curve.high) == len(at):
-        axis.fill_between(
-            at, curve.low, curve.high, color=COLOURS[EFFECTS], alpha=0.18, linewidth=0, label="90 %"
-        )
+    _band(axis, curve)
     free = "free curve" if curve.effects else "what is missing"
     axis.plot(at, curve.free, color=COLOURS[EFFECTS], label=free)
     if curve.effects and len(curve.law) == len(at):
@@ -204,6 +186,13 @@ def _curve(curve: Curve) -> Picture:
         png(figure),
         (curve.input, curve.quantity),
     )
+
+
+def _band(axis: Axes, curve: Curve | MeasuredCurve) -> None:
+    """Its 90 % band, where there is one."""
+    if len(curve.low) == len(curve.high) == len(curve.at):
+        band: dict[str, Any] = {"color": COLOURS[EFFECTS], "alpha": 0.18, "linewidth": 0}
+        axis.fill_between(np.asarray(curve.at), curve.low, curve.high, label="90 %", **band)
 
 
 def _curve_caption(curve: Curve) -> str:
@@ -244,10 +233,7 @@ def measured_picture(effect: NamedEffect) -> Picture:
 
 def _draw_measured(axis: Axes, curve: MeasuredCurve) -> None:
     at, values = np.asarray(curve.at), np.asarray(curve.values)
-    if len(curve.low) == len(at):
-        axis.fill_between(
-            at, curve.low, curve.high, color=COLOURS[EFFECTS], alpha=0.18, linewidth=0, label="90 %"
-        )
+    _band(axis, curve)
     axis.plot(at, values, color=COLOURS[EFFECTS], marker=".", markersize=3, label="measured")
     for law, dashes in zip(curve.nearest[:LAWS], DASHES, strict=False):
         if len(law.values) == len(at):

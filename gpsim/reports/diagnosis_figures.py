@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
@@ -130,22 +132,16 @@ def _inputs(found: Outcome) -> bytes:
         column = names.index(name)
         shown = {BASE: before} | ({EFFECTS: after} if found.judgement.leader.hypothesis.terms else {})
         for label, values in shown.items():
-            axis.plot(
+            at, look = (
                 comparison.inputs[:, column],
-                values,
-                ".",
-                markersize=2.5,
-                alpha=0.4,
-                color=COLOURS[label],
-                label=label,
+                {"markersize": 2.5, "alpha": 0.4, "color": COLOURS[label]},
             )
+            axis.plot(at, values, ".", label=label, **look)
         axis.set_xlabel(named(name, channels[column].unit))
-        axis.set_ylim(
-            low - margin, high + margin
-        )  # a sensor's leaps would flatten the rest: they are counted
-    axes[0, 0].set_ylabel(
-        f"residual of {named(simulator.rate.names[rate], simulator.rate.items[rate].unit, LABEL)}"
-    )
+        # A sensor's leaps would flatten the rest: they are counted.
+        axis.set_ylim(low - margin, high + margin)
+    item = simulator.rate.items[rate]
+    axes[0, 0].set_ylabel(f"residual of {named(item.name, item.unit, LABEL)}")
     if outside > 0:
         axes[0, -1].set_title(f"{in_percent(outside)} % lie outside", fontsize=9)
     legend_above(figure, axes[0, 0], markerscale=4)
@@ -173,29 +169,11 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
         column[0].set_title(_heading(trace), pad=20)
         column[-1].set_xlabel(_clock(found))
         for i, axis in enumerate(column):
-            axis.plot(trace.t, trace.measured[:, i], ".", color=FAINT, markersize=3.5, label="measured")
-            for label, said in trace.said.items():
-                axis.plot(
-                    trace.t,
-                    said[:, i],
-                    color=COLOURS[label],
-                    linestyle=LINES[label],
-                    linewidth=1.3,
-                    label=label,
-                )
-            axis.set_ylim(*limits(trace, i))
-            axis.ticklabel_format(useOffset=False)
+            draw_trace(axis, trace, i, {"": "measured"} | {label: label for label in trace.said}, 1.3)
             unit = shortened(channels[i].unit, LONGEST_UNIT)
             said_of = ", ".join(f"{k} {number(float(error[i]))} {unit}" for k, error in trace.errors.items())
-            axis.annotate(
-                f"RMS error: {said_of}",
-                (0.0, 1.0),
-                (0, 5),
-                "axes fraction",
-                "offset points",
-                fontsize=8,
-                color=FAINT,
-            )
+            place = ((0.0, 1.0), (0, 5), "axes fraction", "offset points")
+            axis.annotate(f"RMS error: {said_of}", *place, fontsize=8, color=FAINT)
     for axis, channel in zip(axes[:, 0], channels, strict=True):
         axis.set_ylabel(named(channel.name, channel.unit, LABEL))
     figure.align_ylabels()
@@ -208,7 +186,17 @@ def _heading(trace: Trace) -> str:
     return f"{trace.place}: {what}" if trace.place else what[0].upper() + what[1:]
 
 
-def limits(trace: Trace, column: int) -> tuple[float, float]:
+def draw_trace(axis: Axes, trace: Trace, column: int, names: Mapping[str, str], width: float) -> None:
+    """A channel as measured and as models said; names: of those that are drawn, of the model "" what was measured."""
+    axis.plot(trace.t, trace.measured[:, column], ".", color=FAINT, markersize=3.5, label=names[""])
+    for model, said in ((m, s[:, column]) for m, s in trace.said.items() if m in names):
+        line: dict[str, Any] = {"color": COLOURS[model], "linestyle": LINES[model], "linewidth": width}
+        axis.plot(trace.t, said, label=names[model], **line)
+    axis.set_ylim(*_limits(trace, column))
+    axis.ticklabel_format(useOffset=False)
+
+
+def _limits(trace: Trace, column: int) -> tuple[float, float]:
     """Of an axis: what was measured in full, and of a model that goes astray no more than once as much beside it."""
     measured = trace.measured[:, column]
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))

@@ -149,9 +149,8 @@ def render(report: ImportReport) -> RenderableType:
     """The report for a terminal."""
     parts: list[RenderableType] = [_topic_table(report.summed()), Text(""), _episode_table(report)]
     lines = [f"rate: {report.rate}", *_lag_lines(report), *report.notes]
-    parts += [Text(""), *(literal(line) for line in lines)]
-    parts += [literal(f"warning: {line}", style="yellow") for line in report.warnings]
-    return Group(*parts)
+    parts += [Text(""), *map(literal, lines)]
+    return Group(*parts, *(literal(f"warning: {line}", style="yellow") for line in report.warnings))
 
 
 def as_text(report: ImportReport, width: int = 110) -> str:
@@ -162,13 +161,23 @@ def as_text(report: ImportReport, width: int = 110) -> str:
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
-def _topic_table(counts: Sequence[TopicCount]) -> Table:
-    table = Table(title="read = kept + dropped", title_justify="left", box=None, pad_edge=False)
-    for name in ("topic", "clock"):
+def _table(
+    title: str | Text, words: Sequence[str], numbers: Sequence[str], last: str = "", no_wrap: bool = False
+) -> Table:
+    """An empty table: columns of words, then of numbers, then of remarks."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for name in words:
         table.add_column(name, overflow="fold")
-    for name in ("read", "kept", "dropped"):
-        table.add_column(name, justify="right")
-    table.add_column("why dropped; what else was noticed", overflow="fold")
+    for name in numbers:
+        table.add_column(name, justify="right", no_wrap=no_wrap)
+    if last:
+        table.add_column(last, overflow="fold")
+    return table
+
+
+def _topic_table(counts: Sequence[TopicCount]) -> Table:
+    heads = ("topic", "clock"), ("read", "kept", "dropped"), "why dropped; what else was noticed"
+    table = _table("read = kept + dropped", *heads)
     for count in counts:
         why = [f"{number} {reason}" for reason, number in count.dropped.items()]
         odd = [f"({number} {kind})" for kind, number in count.noticed.items()]
@@ -190,11 +199,8 @@ def _episode_table(report: ImportReport) -> RenderableType:
     if len(episodes) > LISTED:
         lengths = sorted(e.duration for e in episodes)
         return literal(f"{title}; {lengths[0]:.2f} s to {lengths[-1]:.2f} s long")
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("episode")
-    table.add_column("from", overflow="fold")
-    for name in ("start [s]", "duration [s]", "transitions"):
-        table.add_column(name, justify="right")
+    table = _table(title, ("episode", "from"), ("start [s]", "duration [s]", "transitions"))
+    table.columns[0].overflow = "ellipsis"
     for e in episodes:
         table.add_row(
             literal(e.name), literal(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions)
@@ -205,20 +211,15 @@ def _episode_table(report: ImportReport) -> RenderableType:
 def _lag_lines(report: ImportReport) -> list[str]:
     lines = []
     for lag in report.lags:
-        if not lag.usable:
-            lines.append(
-                f"lag of {lag.command}: these data cannot tell it (best correlation {lag.correlation:.2f})"
-            )
-            continue
-        when = (
-            f"follows {1e3 * lag.lag:.0f} ms later" if lag.lag >= 0 else f"leads by {-1e3 * lag.lag:.0f} ms"
-        )
+        when = f"follows {1e3 * lag.lag:.0f} ms later"
         why = "clock offset and the system's own delay together"
         if lag.lag < 0:
+            when = f"leads by {-1e3 * lag.lag:.0f} ms"
             why = "the command follows the state (feedback), or its stamps are late"
-        lines.append(
-            f"lag of {lag.command}: {lag.response} {when} (correlation {lag.correlation:.2f}); {why}"
-        )
+        said = f"{lag.response} {when} (correlation {lag.correlation:.2f}); {why}"
+        if not lag.usable:
+            said = f"these data cannot tell it (best correlation {lag.correlation:.2f})"
+        lines.append(f"lag of {lag.command}: {said}")
     if report.applied:
         shifts = ", ".join(f"{topic} {1e3 * value:+.1f} ms" for topic, value in report.applied.items())
         lines.append(f"stamps shifted as asked: {shifts}")
@@ -229,12 +230,8 @@ def _lag_lines(report: ImportReport) -> list[str]:
 
 def render_inspection(found: Inspection) -> RenderableType:
     """The inspection for a terminal: a table of the topics, their fields, and what cannot be read."""
-    table = Table(title=literal(found.name), title_justify="left", box=None, pad_edge=False)
-    for name in ("topic", "type"):
-        table.add_column(name, overflow="fold")
-    for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("noticed", overflow="fold")
+    numbers = ("count", "Hz", "gaps", "from [s]", "to [s]")
+    table = _table(literal(found.name), ("topic", "type"), numbers, "noticed", no_wrap=True)
     for topic in found.topics:
         cells = [literal(topic.name), literal(topic.type.split("/")[-1]), literal(str(topic.count))]
         table.add_row(*cells, *(literal(cell) for cell in _pace_cells(found.paces.get(topic.name))))
