@@ -89,8 +89,7 @@ WatchWords = Annotated[
     ),
 ]
 DiagnosisDir = Annotated[
-    Path,
-    typer.Option("--diagnosis", metavar="DIR", help="The account.", autocompletion=completion.diagnoses),
+    Path, typer.Option("--diagnosis", metavar="DIR", help="The account.", autocompletion=completion.diagnoses)
 ]
 Log = Annotated[
     Path | None,

@@ -36,11 +36,7 @@ Rough = Annotated[
 ]
 Machines = Annotated[
     int,
-    typer.Option(
-        "--machines",
-        min=0,
-        help="How many whole machines to add: axes, rigs, servos, cars, arms.",
-    ),
+    typer.Option("--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."),
 ]
 Robots = Annotated[
     int,

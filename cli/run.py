@@ -143,12 +143,7 @@ SiteOut = Annotated[
 
 @spread
 def report_command(
-    *,
-    seeds: Reported = 1,
-    site: Site = False,
-    out: SiteOut = None,
-    setup: Setup,
-    dry_run: DryRun = False,
+    *, seeds: Reported = 1, site: Site = False, out: SiteOut = None, setup: Setup, dry_run: DryRun = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop.
 

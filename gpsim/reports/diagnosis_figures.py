@@ -13,16 +13,7 @@ from matplotlib.axes import Axes
 
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
-from gpsim.reports.canvas import (
-    FAINT,
-    LABEL,
-    LONGEST_UNIT,
-    legend_above,
-    named,
-    panels,
-    png,
-    style,
-)
+from gpsim.reports.canvas import FAINT, LABEL, LONGEST_UNIT, legend_above, named, panels, png, style
 from gpsim.reports.quantities import in_percent, number, shortened
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}

@@ -10,24 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from gpsim.channels import FloatArray
-from gpsim.reports.canvas import (
-    FAINT,
-    INK,
-    LABEL,
-    LONGEST_UNIT,
-    colours,
-    legend_above,
-    named,
-    panels,
-    style,
-)
-from gpsim.reports.loop_report import (
-    ALL,
-    CERTIFIED,
-    SOLVED,
-    LoopReport,
-    printed_returns,
-)
+from gpsim.reports.canvas import FAINT, INK, LABEL, LONGEST_UNIT, colours, legend_above, named, panels, style
+from gpsim.reports.loop_report import ALL, CERTIFIED, SOLVED, LoopReport, printed_returns
 from gpsim.reports.model_sheets import rollout_simulators
 from gpsim.reports.quantities import shortened
 from gpsim.reports.sheets import known, unit, whole_percent
@@ -35,11 +19,7 @@ from gpsim.reports.sheets import known, unit, whole_percent
 BINS = 25
 HILL = 0.62
 """Height of a row's highest bar, of the row."""
-SET_TITLES = {
-    SOLVED: "Solved by a Target policy",
-    CERTIFIED: "Certified by the search",
-    ALL: "All starts",
-}
+SET_TITLES = {SOLVED: "Solved by a Target policy", CERTIFIED: "Certified by the search", ALL: "All starts"}
 """Of a task whose every step earns 1: the returns of others are not drawn."""
 
 

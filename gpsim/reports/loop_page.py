@@ -20,10 +20,7 @@ from gpsim.reports.loop_figures import (
     figure_returns,
     figure_rollouts,
 )
-from gpsim.reports.loop_report import (
-    LoopReport,
-    printed_table,
-)
+from gpsim.reports.loop_report import LoopReport, printed_table
 from gpsim.reports.loop_sheets import cards, paragraph, return_sheets, success_sheets
 from gpsim.reports.model_sheets import (
     calibration_sheet,

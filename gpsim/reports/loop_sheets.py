@@ -6,10 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.reports.loop_report import (
-    LoopReport,
-    printed_returns,
-)
+from gpsim.reports.loop_report import LoopReport, printed_returns
 from gpsim.reports.model_sheets import data_of, rates, scores
 from gpsim.reports.sheets import Cell, Sheet, fixed, known, percent, plus_minus, sheet, span, whole_percent
 

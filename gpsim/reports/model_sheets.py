@@ -6,11 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpsim.evaluation import coverage_warnings
-from gpsim.reports.loop_report import (
-    LoopReport,
-    OneStepFigure,
-    printed_one_step,
-)
+from gpsim.reports.loop_report import LoopReport, OneStepFigure, printed_one_step
 from gpsim.reports.sheets import (
     MISSING,
     Cell,

@@ -124,11 +124,7 @@ def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
         "channels": residuals.channels.units,
         **({"wraps": wraps} if wraps else {}),
         "rates": residuals.rate.units,
-        "rows": {
-            "training": len(train),
-            "test": len(test),
-            **({"over_a_gap": left_out} if left_out else {}),
-        },
+        "rows": {"training": len(train), "test": len(test), **({"over_a_gap": left_out} if left_out else {})},
         "residual_std": {name: float(train[:, i].std()) for i, name in enumerate(residuals.rate.names)},
         "measured_std": {
             name: float(residuals.measured[~residuals.test, i].std())

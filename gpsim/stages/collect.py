@@ -241,9 +241,4 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     return dithered_actor(actor, task, float(section["dither"]), rng)
 
 
-STAGE = Stage(
-    "collect",
-    recipe,
-    write,
-    format=1,
-)
+STAGE = Stage("collect", recipe, write, format=1)

@@ -18,14 +18,7 @@ from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_n
 from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
-from gpsim.stages.diagnosis_files import (
-    POSTERIOR,
-    Question,
-    answer,
-    plant_of,
-    title_of,
-    write_diagnosis,
-)
+from gpsim.stages.diagnosis_files import POSTERIOR, Question, answer, plant_of, title_of, write_diagnosis
 from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import SOURCES, Request, Stage, blamed, stage_about
 

@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsim.artifacts import Mishaps
 from gpsim.channels import Channels
-from gpsim.corrected import (
-    EffectsPlant,
-    Features,
-    GpCorrection,
-    ages_of,
-    describe,
-    plant_from,
-)
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import Estimate, NamedEffect, NoGp, RemainderGp

@@ -287,10 +287,4 @@ def notes(artifact: Artifact) -> list[str]:
     return [*said, *(f"warning: {text}" for text in warnings)]
 
 
-STAGE = Stage(
-    "evaluate",
-    recipe,
-    write,
-    notes,
-    format=2,
-)
+STAGE = Stage("evaluate", recipe, write, notes, format=2)

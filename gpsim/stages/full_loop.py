@@ -8,13 +8,7 @@ from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, building, certify, collect, evaluate, train_source
-from gpsim.stages.building import (
-    base_plant,
-    drivable,
-    make_task,
-    randomised_plant,
-    target_plant,
-)
+from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.jobs import Finished, Job, run_jobs
 from gpsim.stages.stage import Request, blamed

@@ -43,11 +43,7 @@ class Job:
 
 
 def run_jobs(
-    jobs: Sequence[Job],
-    launcher: Launcher,
-    update: Update,
-    finished: Finished,
-    failed: Failed | None = None,
+    jobs: Sequence[Job], launcher: Launcher, update: Update, finished: Finished, failed: Failed | None = None
 ) -> None:
     """Run every job as soon as what it waits for is done.
 

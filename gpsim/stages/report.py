@@ -19,14 +19,7 @@ from gpsim.files import Json, plain, read_object, write_json
 from gpsim.reports.gp_figures import residual_slices
 from gpsim.reports.loop_page import render
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
-from gpsim.stages import (
-    build_residuals,
-    certify,
-    collect,
-    evaluate,
-    fit_gp,
-    train_gp_policy,
-)
+from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage, quoted, stage_about

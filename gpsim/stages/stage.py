@@ -229,11 +229,7 @@ class Stage:
 
 
 def stage_about(
-    name: str,
-    recipe: Callable[..., Recipe],
-    write: Callable[..., Json | None],
-    *about: Any,
-    **more: Any,
+    name: str, recipe: Callable[..., Recipe], write: Callable[..., Json | None], *about: Any, **more: Any
 ) -> Stage:
     """A stage about something that no configuration holds: recipe(request, *about), write(request, folder, *about)."""
     return Stage(

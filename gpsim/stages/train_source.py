@@ -144,11 +144,7 @@ def train(
         rounds = settings.expert_rounds
         total = settings.total_steps + rounds * ROUND
         policy, curve, critic = train_ppo(
-            env,
-            settings,
-            weights,
-            lambda done, _, said: request.progress(done, total, said),
-            events=events,
+            env, settings, weights, lambda done, _, said: request.progress(done, total, said), events=events
         )
         if rounds:
             policy, checkpoints = _improved(
@@ -199,10 +195,5 @@ def _improved(
 
 
 STAGE = Stage(
-    "train-source",
-    recipe,
-    write,
-    remarks=tracking_remarks,
-    format=TRAINING_FORMAT,
-    code=IN_NUMBERS,
+    "train-source", recipe, write, remarks=tracking_remarks, format=TRAINING_FORMAT, code=IN_NUMBERS
 )
