@@ -83,10 +83,11 @@ def import_command(
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from gpsim.reports.import_text import render
     from gpsim.stages.figures import paths_of, recording_figures
-    from gpsim.stages.import_log import import_log, try_import
+    from gpsim.stages.import_log import import_log, read_any, refuse_existing
 
     if dry_run:
-        report = try_import(paths, out, mapping, words, salvage, say=_aside, raw=raw)
+        refuse_existing(out)
+        report = read_any(paths, mapping, words, salvage, _aside, raw)[1]
         console(highlight=False).print(render(report))
         say(f"import: would write {out}; nothing was written")
         answer(dry_run=True, notes=list(report.notes))

@@ -24,14 +24,14 @@ from gpsim.environments import (
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.recordings import Episode, ImportReport, Recording, write_recording
+from gpsim.recordings import Episode, write_recording
 from gpsim.settings import build, choice, number, positive
 from gpsim.stages import building, train_source
 from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
 from gpsim.stages.import_log import (
     changes_of,
     logs_of,
-    read_logs,
+    read_configured,
     read_mapping,
     salvages,
     source_digests,
@@ -149,7 +149,7 @@ def check(request: Request) -> None:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Run the episodes, or read the logs, and write a Recording."""
     if request.config["collect"]["source"] is not None:
-        recording, report, _ = _read(request)
+        recording, report, _ = read_configured(request.config["collect"], _sources(request))
         write_import(recording, report, folder)
         return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
@@ -223,11 +223,6 @@ def _sources(request: Request) -> list[Path]:
 def _mapping(request: Request) -> str | None:
     given = request.config["collect"]["mapping"]
     return None if given is None else str(given)
-
-
-def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:
-    section = request.config["collect"]
-    return read_logs(_sources(request), _mapping(request), changes_of(section), salvages(section))
 
 
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:

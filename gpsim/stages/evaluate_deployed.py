@@ -20,7 +20,14 @@ from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
 from gpsim.stages import safety
 from gpsim.stages.building import base_plant, make_task
-from gpsim.stages.import_log import changes_of, logs_of, read_logs, read_mapping, salvages, source_digests
+from gpsim.stages.import_log import (
+    changes_of,
+    logs_of,
+    read_configured,
+    read_mapping,
+    salvages,
+    source_digests,
+)
 from gpsim.stages.stage import Request
 from gpsim.tasks import GoalReaching
 
@@ -55,10 +62,7 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write deployments.csv (one row a deployment), evaluation.json and figures/deployed.png."""
     task, goal, dt = _task(request), _goal(request), base_plant(request.config).dt
-    section = request.config["collect"]
-    recording, _, mapping = read_logs(
-        _sources(request), _mapping(request), changes_of(section), salvages(section)
-    )
+    recording, _, mapping = read_configured(request.config["collect"], _sources(request))
     if recording.state.names[:2] != ("x", "y"):
         raise UsageError(
             f"deployed: the mapping {_mapping(request)} gives no x and y to compare with the goal"
@@ -227,10 +231,7 @@ def _recorded(request: Request, logs: Sequence[Path]) -> tuple[Recording, bool]:
             raise UsageError(f"{log}: no such log; give a bag, a table, or the folder of a recording")
     if len(logs) == 1 and (logs[0] / "recording.yaml").is_file():
         return read_recording(logs[0]), False
-    section = request.config["collect"]
-    given = section["mapping"]
-    mapping = None if given is None else str(given)
-    recording, _, raw = read_logs(list(logs), mapping, changes_of(section), salvages(section))
+    recording, _, raw = read_configured(request.config["collect"], logs)
     return recording, (raw.get("episodes") or {}).get("by", "file") == "file"
 
 

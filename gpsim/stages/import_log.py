@@ -73,47 +73,44 @@ def import_log(
     say: Callable[[str], None] = quiet,
     raw: Mapping[str, Any] | None = None,
 ) -> Imported:
-    """Import `sources` into the new folder `out`, which is written whole or not at all.
+    """Import `sources` into the new folder `out`, written whole or not at all.
 
     mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
     words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
     should know before the logs are read, a line each. raw: the whole mapping, where it is there already.
     """
-    _refuse_existing(out)
-    if raw is None:
-        recording, report, raw = read_logs(sources, mapping, words, salvage, say)
-        digests = source_digests(sources, mapping, words)
-    else:
-        recording, report, plan = read_by(raw, GUESSED, sources, salvage, say)
-        digests = digests_read(sources, plan.layout, plan.files)
-    config = {"mapping": raw, "salvage": salvage, "sources": digests}
+    refuse_existing(out)
+    recording, report, config = read_any(sources, mapping, words, salvage, say, raw)
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
         return {}
 
     store = Store(out.resolve().parent, "")
-    artifact = store.publish(Recipe(STAGE_NAME, config, {}, {}), write, out=out.resolve())
+    artifact = store.publish(Recipe(STAGE_NAME, config(), {}, {}), write, out=out.resolve())
     return Imported(artifact, recording, report)
 
 
-def try_import(
+def read_any(
     sources: Sequence[Path],
-    out: Path,
-    mapping: str | None = None,
-    words: Sequence[str] = (),
-    salvage: bool = False,
-    say: Callable[[str], None] = quiet,
-    raw: Mapping[str, Any] | None = None,
-) -> ImportReport:
-    """The report of what `import_log` would make of the same; the logs are read, nothing is written."""
-    _refuse_existing(out)
+    mapping: str | None,
+    words: Sequence[str],
+    salvage: bool,
+    say: Callable[[str], None],
+    raw: Mapping[str, Any] | None,
+) -> tuple[Recording, ImportReport, Callable[[], Json]]:
+    """The recording, the report, and what computes the digests of what was read; the same arguments as above."""
     if raw is not None:
-        return read_by(raw, GUESSED, sources, salvage, say)[1]
-    return read_logs(sources, mapping, words, salvage, say)[1]
+        recording, report, plan = read_by(raw, GUESSED, sources, salvage, say)
+        digests = partial(digests_read, sources, plan.layout, plan.files)
+    else:
+        recording, report, raw = read_logs(sources, mapping, words, salvage, say)
+        digests = partial(source_digests, sources, mapping, words)
+    return recording, report, lambda: {"mapping": raw, "salvage": salvage, "sources": digests()}
 
 
-def _refuse_existing(out: Path) -> None:
+def refuse_existing(out: Path) -> None:
+    """Raise UsageError where something is already."""
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
 
@@ -136,6 +133,14 @@ def salvages(section: Mapping[str, Any]) -> bool:
     return truth(section["salvage"], "collect.salvage")
 
 
+def read_configured(
+    section: Mapping[str, Any], sources: Sequence[Path]
+) -> tuple[Recording, ImportReport, dict[str, Any]]:
+    """Logs as the configuration's `collect` says that they are read."""
+    mapping = None if section["mapping"] is None else str(section["mapping"])
+    return read_logs(sources, mapping, changes_of(section), salvages(section))
+
+
 def read_logs(
     sources: Sequence[Path],
     mapping: str | Mapping[str, Any] | None = None,
@@ -143,10 +148,7 @@ def read_logs(
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
-    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too.
-
-    mapping: a name, a file, or what such a file holds.
-    """
+    """The recording, the report and the resolved mapping, of a name, a file, or what such a file holds."""
     opener = partial(open_log, salvage=salvage)
     changes = changes_of_words(words)
     if mapping is None:

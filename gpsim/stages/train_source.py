@@ -19,7 +19,6 @@ from gpsim.files import Json, disk_errors
 from gpsim.policies import Expert, Policy
 from gpsim.policies.training.settings import (
     TRAINING_FORMAT,
-    Checkpoints,
     PpoSettings,
     SacSettings,
     observation_scale,
@@ -134,21 +133,33 @@ def train(
     model: what an expert looks ahead in, where that is not the plant itself. events: a folder for event files.
     """
     # torch takes seconds to load, and only training needs it
+    from gpsim.policies.training.expert_iteration import improved
     from gpsim.policies.training.ppo import train_ppo
     from gpsim.policies.training.sac import train_sac
 
     settings = settings_for(request, task)
-    places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
+    places, weights, search = (
+        derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy", "expert")
+    )
     if isinstance(settings, PpoSettings):
         env = BatchedEnv(plant, task, settings.n_envs, places)
-        rounds = settings.expert_rounds
-        total = settings.total_steps + rounds * ROUND
-        policy, curve, critic = train_ppo(
-            env, settings, weights, lambda done, _, said: request.progress(done, total, said), events=events
-        )
-        if rounds:
-            policy, checkpoints = _improved(
-                request, policy, critic, plant, model or plant, task, purpose, settings, events
+        total = settings.total_steps + settings.expert_rounds * ROUND
+
+        def told(done: int, _: int, said: str) -> None:
+            request.progress(done, total, said)
+
+        policy, curve, critic = train_ppo(env, settings, weights, told, events=events)
+        if settings.expert_rounds:
+            expert = _expert(request, critic, model or plant, task, settings)
+            begun = settings.total_steps
+            policy, checkpoints = improved(
+                policy,
+                plant,
+                expert,
+                settings,
+                search,
+                lambda turn, _, said: told(begun + turn * ROUND, 0, said),
+                events / "expert" if events is not None else None,
             )
             write_checkpoints(folder, checkpoints)
     else:
@@ -160,38 +171,15 @@ def train(
     return {"environment_steps": int(curve.steps[-1]) * env.repeat}
 
 
-def _improved(
-    request: Request,
-    policy: Policy,
-    critic: Policy,
-    plant: Plant,
-    model: Plant,
-    task: Task,
-    purpose: str,
-    settings: PpoSettings,
-    events: Path | None,
-) -> tuple[Policy, Checkpoints]:
-    """The policy after expert iteration."""
-    from gpsim.policies.training.expert_iteration import improved
-
-    seed, total = derived_seed(request.seed, f"{purpose}/expert"), settings.total_steps
+def _expert(request: Request, critic: Policy, model: Plant, task: Task, settings: PpoSettings) -> Expert:
+    """What looks ahead in a model, and takes the critic's word for what lies behind its horizon."""
     most = settings.reward_scale / (1.0 - settings.gamma)
 
     def worth(observations: NDArray[np.float32]) -> FloatArray:
         return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
 
     search = expert_search(request.config, settings.expert_width)
-    expert = Expert(model, task, search, settings.expert_horizon, worth)
-    last = total + settings.expert_rounds * ROUND
-    return improved(
-        policy,
-        plant,
-        expert,
-        settings,
-        seed,
-        lambda turn, _, said: request.progress(total + turn * ROUND, last, said),
-        events / "expert" if events is not None else None,
-    )
+    return Expert(model, task, search, settings.expert_horizon, worth)
 
 
 STAGE = Stage(
