@@ -42,6 +42,14 @@ def swing(count=300, dt=0.01):
     return t, theta, -1.6 * np.sin(4.0 * t), 0.2 * np.sin(7.0 * t)
 
 
+def logged(path, names=("time", "position", "velocity", "torque"), off=0.0, pace=1.0, **more):
+    """The swing as a table; pace: units of its clock in a second."""
+    t, theta, rate, torque = swing()
+    columns = dict(zip(names, (pace * t, theta + off, rate, torque), strict=True))
+    pd.DataFrame(columns | {name: of(t) for name, of in more.items()}).to_csv(path, index=False)
+    return t, theta, rate, torque
+
+
 def drive(seconds=12.0):
     t = np.arange(0.0, seconds, 0.02)
     poses = np.stack([0.5 * t, 0.1 * np.sin(t), 0.2 * np.cos(t)], axis=1)
@@ -50,9 +58,7 @@ def drive(seconds=12.0):
 
 
 def test_a_table_is_understood_by_its_names_and_asked_about_once(gpsim, stopped, tmp_path):
-    t, theta, rate, torque = swing()
-    columns = {"time": t, "position": theta, "velocity": rate, "torque": torque}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    _, theta, rate, _ = logged(tmp_path / "log.csv")
     code, _, err = gpsim("diagnose", "log.csv")
     assert code == 2
     assert err.count("\n") == 1
@@ -198,11 +204,9 @@ def test_a_system_of_ones_own_and_a_log_without_a_clock(gpsim, stopped, tmp_path
 
 
 def test_planned_tables_are_left_out(gpsim, stopped, tmp_path):
-    t, theta, rate, torque = swing()
     for name, off in (("a/data_measured", 0.0), ("a/data_desired", 1.0), ("b/data_measured", 0.0)):
         (tmp_path / "logs" / name).parent.mkdir(parents=True, exist_ok=True)
-        columns = {"time": t, "position": theta + off, "velocity": rate, "torque": torque}
-        pd.DataFrame(columns).to_csv(tmp_path / "logs" / f"{name}.csv", index=False)
+        logged(tmp_path / "logs" / f"{name}.csv", off=off)
     gpsim("diagnose", "logs", "--simulator", "pendulum", "--cores", "1")
     assert len(stopped[0][0].episodes) == 2
     assert max(abs(e.states[:, 0]).max() for e in stopped[0][0].episodes) < 0.5
@@ -220,9 +224,7 @@ def test_planned_tables_are_left_out(gpsim, stopped, tmp_path):
     ],
 )
 def test_a_wrong_word_is_one_line(words, said, gpsim, tmp_path):
-    t, theta, rate, torque = swing()
-    columns = {"time": t, "position": theta, "velocity": rate, "torque": torque}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    logged(tmp_path / "log.csv")
     code, _, err = gpsim("diagnose", "log.csv", "--simulator", "pendulum", *words)
     assert code == 2
     assert said in err
@@ -230,9 +232,7 @@ def test_a_wrong_word_is_one_line(words, said, gpsim, tmp_path):
 
 
 def test_a_time_that_may_be_milliseconds_is_asked_for(gpsim, stopped, tmp_path):
-    t, theta, rate, torque = swing()
-    columns = {"time": 1e3 * t, "theta": theta, "theta_dot": rate, "torque": torque}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    logged(tmp_path / "log.csv", ("time", "theta", "theta_dot", "torque"), pace=1e3)
     code, _, err = gpsim("diagnose", "log.csv", "--simulator", "pendulum")
     assert code == 2
     assert "t is time, or ms*time" in err
@@ -241,9 +241,7 @@ def test_a_time_that_may_be_milliseconds_is_asked_for(gpsim, stopped, tmp_path):
 
 
 def test_import_guesses_as_diagnose_does(gpsim, tmp_path):
-    t, theta, rate, torque = swing()
-    columns = {"time": t, "position": theta, "velocity": rate, "tau": torque}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    t, *_ = logged(tmp_path / "log.csv", ("time", "position", "velocity", "tau"))
     code, _, err = gpsim("import", "log.csv")
     assert code == 2
     words = proposed(err)
@@ -259,9 +257,7 @@ def test_import_guesses_as_diagnose_does(gpsim, tmp_path):
 
 
 def test_a_mapping_that_comes_with_gpsim_is_offered_and_taken(gpsim, stopped, tmp_path):
-    t, theta, rate, torque = swing()
-    columns = {"time": t, "position": theta, "velocity": rate, "torque": torque}
-    pd.DataFrame(columns).to_csv(tmp_path / "data_measured.csv", index=False)
+    logged(tmp_path / "data_measured.csv")
     _, _, err = gpsim("diagnose", "data_measured.csv")
     assert "if it is the public set simple_pendulum: --mapping simple_pendulum instead" in err
     gpsim("diagnose", "data_measured.csv", "--mapping", "simple_pendulum", "--cores", "1")
@@ -272,9 +268,8 @@ def test_a_mapping_that_comes_with_gpsim_is_offered_and_taken(gpsim, stopped, tm
 
 def test_what_may_say_when_the_motors_were_on_is_told(gpsim, stopped, tmp_path):
     """A command is obeyed only then: the rest of the log would look like a fault of the simulator."""
-    t, theta, rate, torque = swing()
-    columns = {"time": t, "theta": theta, "theta_dot": rate, "torque": torque, "enabled": 1.0 * (t > 1.0)}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    names = ("time", "theta", "theta_dot", "torque")
+    logged(tmp_path / "log.csv", names, enabled=lambda t: 1.0 * (t > 1.0))
     words = ["diagnose", "log.csv", "--simulator", "pendulum", "--cores", "1"]
     _, _, err = gpsim(*words)
     added = re.search(r"enabled may say when the motors were on; if so, add (.*)", err)[1].split()

@@ -26,6 +26,12 @@ from gpsim.reports.account import account_of
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.statistics_text import effects_sheet, statistics
 
+SURE = replace(named(), combinations=())
+VAGUE = viscous(parameters={"damping": size(1.0, 0.6, "N s/m")}, form="holds")
+HELD = friction(parameters={"force": size(8.7, 0.1, "N", at_bound=True)})
+MEMORY = MissingLaw(rate="x_acc", on=("force",), memory=0.2, nats=90.0, p_value=1e-30)
+REMEMBERS = made_remainder(structured=True, lack_of_fit=MEMORY)
+
 
 def said(diagnosis, **given):
     return " ".join(" ".join(account_lines(account_of(diagnosis, **given))).split())
@@ -143,20 +149,13 @@ def test_what_is_left_says_how_much_where_and_on_what_it_depends():
     assert first == "7 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot"
     assert "the log: the clock jitters by 0.4 ms" in others
     assert "one step ahead only 28 % of theta_acc is explained" in others
-    memory = MissingLaw(rate="x_acc", on=("force",), memory=0.2, nats=90.0, p_value=1e-30)
-    left = account_of(replace(partial(), remainder=made_remainder(structured=True, lack_of_fit=memory))).left[
-        0
-    ]
-    assert (
-        left
-        == "7 % of the mismatch is unexplained, most of it in x_acc; it changes with force, also with its history over the "
-        "last 0.2 s"
+    first, *_ = account_of(replace(partial(), remainder=REMEMBERS)).left
+    assert first.endswith(
+        "most of it in x_acc; it changes with force, also with its history over the last 0.2 s"
     )
-    by_chance = replace(memory, p_value=0.1)
-    left = account_of(
-        replace(partial(), remainder=made_remainder(structured=True, lack_of_fit=by_chance))
-    ).left[0]
-    assert left == "7 % of the mismatch is unexplained"
+    by_chance = made_remainder(structured=True, lack_of_fit=replace(MEMORY, p_value=0.1))
+    first, *_ = account_of(replace(partial(), remainder=by_chance)).left
+    assert first == "7 % of the mismatch is unexplained"
 
 
 def test_facts_of_the_log_and_combinations_are_left_too():
@@ -168,55 +167,40 @@ def test_facts_of_the_log_and_combinations_are_left_too():
     assert "only cart_mass / force gain = 2.50 (2.40 to 2.60) is fixed; both may be scaled alike" in left
 
 
-def _next(**changes):
-    return account_of(replace(named(), combinations=(), **changes)).next
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (ambiguous(), TELL),
+        (partial(), "record theta_dot over its whole range"),
+        (named(), "measure cart_mass or force gain on its own: motion alone fixes only a combination"),
+        (SURE, "no further recording is needed for this account"),
+        (replace(SURE, effects=(friction(), VAGUE)), "record more of what viscous friction on x does: its size is known"),
+        (replace(SURE, effects=(HELD,)), "record more of what Coulomb friction on x does: its size is at the limit"),
+        (replace(SURE, remainder=REMEMBERS), "record steps of force with pauses longer than 0.4 s between them"),
+        (replace(SURE, remainder=made_remainder(structured=True)), "record slow and fast sweeps of every command"),
+    ],
+)  # fmt: skip
+def test_the_next_recording_is_the_one_that_would_help_most(found, said):
+    (line,) = account_of(found).next
+    assert line.startswith(said)
 
 
-def test_the_next_recording_is_the_one_that_would_help_most():
-    assert account_of(ambiguous()).next == (TELL,)
-    assert account_of(partial()).next[0].startswith("record theta_dot over its whole range")
-    assert account_of(named()).next == (
-        "measure cart_mass or force gain on its own: motion alone fixes only a combination",
-    )
-    assert _next() == ("no further recording is needed for this account",)
-    vague = viscous(parameters={"damping": size(1.0, 0.6, "N s/m")}, form="holds")
-    assert _next(effects=(friction(), vague)) == (
-        "record more of what viscous friction on x does: its size is known least well",
-    )
-    held = friction(parameters={"force": size(8.7, 0.1, "N", at_bound=True)})
-    assert "at the limit of the search" in _next(effects=(held,))[0]
-    remembers = MissingLaw(rate="x_acc", on=("force",), memory=0.2, nats=90.0, p_value=1e-30)
-    assert (
-        "pauses longer than 0.4 s"
-        in _next(remainder=made_remainder(structured=True, lack_of_fit=remembers))[0]
-    )
-    assert "every command" in _next(remainder=made_remainder(structured=True))[0]
-
-
-def test_the_command_trains_in_what_was_found():
-    here = "runs/found"
-    assert account_of(named(), here).command == f"gpsim train-gp-policy diagnosis={here}"
-    assert (
-        account_of(named(), here, "unicycle").command
-        == f"gpsim train-gp-policy experiment=limo diagnosis={here}"
-    )
-    assert (
-        account_of(partial(), here).command == f"gpsim train-gp-policy diagnosis={here} correction=effects+gp"
-    )
-    assert (
-        account_of(named(), here, "slider").command == f"python: gpsim.Diagnosis.load('{here}').corrected()"
-    )
-    assert (
-        account_of(named(), here, "tank()").command
-        == f"python: gpsim.Diagnosis.load('{here}', simulator).corrected()"
-    )
-    assert (
-        account_of(named(), "my log", "robots/arm.urdf").command
-        == "gpsim export model 'my log' --out robot_corrected.xml"
-    )
-    assert account_of(named(), "my log").command == "gpsim train-gp-policy 'diagnosis=my log'"
-    assert account_of(RICH["none"](), here).command is None
-    assert account_of(replace(unknown(), remainder=made_remainder(structured=True)), here).command is None
+@pytest.mark.parametrize(
+    ("make", "folder", "simulator", "command"),
+    [
+        (named, "runs/found", None, "gpsim train-gp-policy diagnosis=runs/found"),
+        (named, "runs/found", "unicycle", "gpsim train-gp-policy experiment=limo diagnosis=runs/found"),
+        (partial, "runs/found", None, "gpsim train-gp-policy diagnosis=runs/found correction=effects+gp"),
+        (named, "runs/found", "slider", "python: gpsim.Diagnosis.load('runs/found').corrected()"),
+        (named, "runs/found", "tank()", "python: gpsim.Diagnosis.load('runs/found', simulator).corrected()"),
+        (named, "my log", "robots/arm.urdf", "gpsim export model 'my log' --out robot_corrected.xml"),
+        (named, "my log", None, "gpsim train-gp-policy 'diagnosis=my log'"),
+        (RICH["none"], "runs/found", None, None),
+        (lambda: replace(unknown(), remainder=made_remainder(structured=True)), "runs/found", None, None),
+    ],
+)
+def test_the_command_trains_in_what_was_found(make, folder, simulator, command):
+    assert account_of(make(), folder, simulator).command == command
 
 
 def test_errors_stand_before_and_after():
