@@ -25,14 +25,6 @@ def _stage(request: Request) -> Stage:
     )
 
 
-def _recipe(request: Request) -> Recipe:
-    return _stage(request).recipe(request)
-
-
-def _write(request: Request, recipe: Recipe, folder: Path) -> Json | None:
-    return _stage(request).write(request, recipe, folder)
-
-
 def find_diagnosis(request: Request) -> Artifact:
     """The diagnosis that `diagnosis=` names, or the loop's own."""
     given = request.config["diagnosis"]
@@ -48,8 +40,8 @@ def sentences(artifact: Artifact) -> list[str]:
 
 STAGE = Stage(
     "diagnose",
-    _recipe,
-    _write,
+    lambda request: _stage(request).recipe(request),
+    lambda request, recipe, folder: _stage(request).write(request, recipe, folder),
     sentences,
     format=diagnose.FORMAT,  # a recording is diagnosed once, whoever asks
     code=SOURCES,

@@ -198,10 +198,9 @@ def _tolerance(request: Request) -> float:
 def _goal(request: Request) -> FloatArray:
     given = request.config["deployed_goal"]
     goal = _task(request).evaluation_goal if given is None else given
-    if given is not None and not isinstance(given, list | tuple):
-        raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")
-    numbers = [value for value in goal if isinstance(value, int | float) and not isinstance(value, bool)]
-    if len(numbers) != 2 or len(goal) != 2:
+    listed = goal if isinstance(goal, list | tuple) else ()
+    numbers = [value for value in listed if isinstance(value, int | float) and not isinstance(value, bool)]
+    if len(numbers) != 2 or len(listed) != 2:
         raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")
     found = np.array(numbers, dtype=np.float64)
     if (task := _task(request)).outside(found[None]).any():

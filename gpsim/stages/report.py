@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ SETTINGS = (
     "randomise",
     "evaluate",
 )
+Curve = tuple[FloatArray, FloatArray]
 GIVEN = ("recording", "diagnosis")
 
 
@@ -73,8 +74,14 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     if driven.trips:
         summary |= success_by_set(driven.trips, driven.starts)
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
+    training = training_settings(request.config)
+
+    def by_policy(read: Callable[[Request, str], Curve]) -> dict[str, list[Curve]]:
+        names = train_gp_policy.policy_names(request)
+        return {name: [read(r, name) for r in requests.values()] for name in names}
+
     return LoopReport(
-        experiment=str(request.config["experiment"]),
+        experiment=experiment,
         seeds=seeds,
         summary=summary,
         returns=driven.returns,
@@ -84,17 +91,9 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         best_return=_best(task, driven.returns),
         earns_steps=isinstance(task, Balance),
         own_rewards=train_gp_policy.full_return(task) is None,
-        held=getattr(training_settings(request.config), "action_repeat", 1),
-        curves={
-            name: [_curve(r, name) for r in requests.values()]
-            for name in train_gp_policy.policy_names(request)
-        },
-        rounds={
-            name: [_rounds(r, name) for r in requests.values()]
-            for name in train_gp_policy.policy_names(request)
-        }
-        if getattr(training_settings(request.config), "expert_rounds", 0)
-        else {},
+        held=getattr(training, "action_repeat", 1),
+        curves=by_policy(_curve),
+        rounds=by_policy(_rounds) if getattr(training, "expert_rounds", 0) else {},
         slices=_slices(first),
         named=_named(requests) if train_gp_policy.needs_diagnosis(request) else {},
         given=_given(request),
@@ -201,15 +200,19 @@ def _made_by(role: str, seed: int | None, artifact: Artifact) -> MadeBy:
     return MadeBy(artifact.stage, role, artifact.digest, seed, artifact.manifest)
 
 
-def _curve(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
+def _table(request: Request, policy: str, file: str) -> pd.DataFrame:
+    """What a policy's training wrote down."""
     stage, settings = train_gp_policy.TRAINED_BY[policy]
-    table = pd.read_csv(stage.need(request.having(**settings)).path / "learning_curve.csv")
+    return pd.read_csv(stage.need(request.having(**settings)).path / file)
+
+
+def _curve(request: Request, policy: str) -> Curve:
+    table = _table(request, policy, "learning_curve.csv")
     return table["steps"].to_numpy(dtype=np.float64), table["mean_return"].to_numpy(dtype=np.float64)
 
 
-def _rounds(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
-    stage, settings = train_gp_policy.TRAINED_BY[policy]
-    table = pd.read_csv(stage.need(request.having(**settings)).path / "checkpoints.csv")
+def _rounds(request: Request, policy: str) -> Curve:
+    table = _table(request, policy, "checkpoints.csv")
     return np.arange(float(len(table))), table["score"].to_numpy(dtype=np.float64)
 
 

@@ -13,8 +13,9 @@ from urllib.parse import quote, unquote, urlsplit
 
 from gpsim.artifacts import MANIFEST, Artifact, read_manifest, read_timings
 from gpsim.errors import UsageError
-from gpsim.files import Json, disk_errors, file_digest, files_below, written_whole
+from gpsim.files import disk_errors, file_digest, files_below, written_whole
 from gpsim.reports.runs_text import Entry, Experiment, Source, index_page
+from gpsim.runs import entry_at
 from gpsim.stages.site_facts import facts_of, proof_facts
 
 INDEX, PAGES, REPORT, PROOF = "index.html", "pages", "report.html", "prove.json"
@@ -146,29 +147,20 @@ def _entry(item: _Found, known: dict[str, _Found]) -> Entry:
         "seed": str(seed),
         "finished": str(timings.get("finished", ""))[:16].replace("T", " "),
         "seconds": _duration(timings.get("seconds")),
-        "sources": _sources(manifest, known, item.parts[0]),
+        "sources": _sources(item.folder, known, item.parts[0]),
     }
     return Entry(**facts | _safely(facts_of, item.artifact))
 
 
-def _sources(manifest: Json, known: dict[str, _Found], experiment: str) -> tuple[Source, ...]:
+def _sources(folder: Path, known: dict[str, _Found], experiment: str) -> tuple[Source, ...]:
     """Parents, and a recording that is none: it is known by its bytes."""
-    named = {role: str(parent.get("sha256")) for role, parent in (manifest.get("parents") or {}).items()}
-    recording = manifest["config"].get("recording")
-    if isinstance(recording, dict):
-        tables = (digest for name, digest in recording.items() if not name.endswith(".yaml"))
-        named |= {"recording": str(next(tables, ""))}
-    for one in manifest["config"].get("recordings") or ():
-        if isinstance(one, dict) and isinstance(one.get("files"), dict):
-            tables = (digest for name, digest in one["files"].items() if not name.endswith(".yaml"))
-            named |= {f"recording {one.get('name')}": str(next(tables, ""))}
-    there = {role: known.get(digest) for role, digest in named.items()}
-    made = (
-        Source(" ".join(found.parts[found.parts[0] == experiment :]), _slug(found.parts))
-        if found
-        else Source(role)
-        for role, found in there.items()
-    )
+    made = []
+    for need in entry_at(folder, folder.parent).needs:
+        tables = (digest for name, digest in need.files.items() if not name.endswith(".yaml"))
+        found = known.get(str(need.digest or next(tables, "")))
+        parts = () if found is None else found.parts
+        name = " ".join(parts[parts[:1] == (experiment,) :]) or need.role
+        made.append(Source(name, _slug(parts) if found else ""))
     return tuple(dict.fromkeys(made))
 
 
@@ -183,13 +175,10 @@ def _safely(tell: Any, of: Any) -> dict[str, Any]:
 def _duration(seconds: Any) -> str:
     if not isinstance(seconds, int | float):
         return ""
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 100
-        else f"{seconds / 60:.0f} min"
-        if seconds < 6000
-        else f"{seconds / 3600:.1f} h"
-    )
+    for most, size, unit in ((100, 1, "s"), (6000, 60, "min")):
+        if seconds < most:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds / 3600:.1f} h"
 
 
 def _size(folder: Path) -> str:
