@@ -40,7 +40,14 @@ def sources_digest(root: Path) -> str:
 RELEASE = f"gpsim {gpsim.__version__}"
 IN_NUMBERS = ""
 SOURCES = sources_digest(Path(gpsim.__file__).parent)
-"""Taken when the process starts, as the code that it runs is: files that change meanwhile change neither."""
+"""Which state of the code makes an artifact, beside its stage's format: a part of its key, so that no upgrade keeps
+old answers.
+
+RELEASE: for what is cheap to make, anew with every release. IN_NUMBERS: for trained policies, which take minutes to
+hours, the format alone. SOURCES: for the diagnosis, anew with every change of the library's code; taken when the
+process starts, as the code that it runs is. What is made anew to the same bytes is the same artifact to those that rest
+on it (`Artifact.digest`): they are kept.
+"""
 
 
 def code_here() -> str:
@@ -172,8 +179,8 @@ class Stage:
     """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it.
 
     notes(artifact) are lines for the terminal: what a person wants to know at once; remarks(request) others: what of
-    the request was settled otherwise than it reads. format: to be raised when the same
-    settings may give other content, so that what older code has made is not kept; code: see gpsim/stages/code.py.
+    the request was settled otherwise than it reads. format: to be raised when the same settings may give other content,
+    so that what older code has made is not kept; code: RELEASE, IN_NUMBERS or SOURCES.
     """
 
     name: str

@@ -55,7 +55,9 @@ def tracks(request: Request) -> bool:
 def events_of(request: Request, recipe: Recipe, purpose: str) -> Path | None:
     """An empty folder for the event files of one training, or None; those of an earlier try at it are removed.
 
-    It is named by the recipe: <runs_dir>/<experiment>/tracking/train-source-source-seed0-1f0c9ab2.
+    They hold wall-clock times, and artifacts are made of their recipe alone: so they lie beside the artifacts, never in
+    them, and `track` is part of no recipe. The folder is named by the recipe:
+    <runs_dir>/<experiment>/tracking/train-source-source-seed0-1f0c9ab2.
     """
     if not tracks(request):
         return None

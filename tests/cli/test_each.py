@@ -51,7 +51,7 @@ def instant(monkeypatch):
 
             finished(job.label, job.request.store.publish(recipe, write), False)
 
-    monkeypatch.setattr("gpsim.stages.fleet.run_jobs", run)
+    monkeypatch.setattr("gpsim.stages.jobs.run_jobs", run)
     return seen
 
 
