@@ -30,10 +30,9 @@ from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.recordings.bare_table import read_bare_table
 from gpsim.recordings.episodes import OverGaps
 from gpsim.recordings.export import wide_table, write_mcap
-from gpsim.recordings.files import write_recording
+from gpsim.recordings.files import read_bare_table, write_recording
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.readers import open_log
 from gpsim.reports.diagnosis_text import _part

@@ -1,10 +1,9 @@
 """Recordings: what really happened, in episodes on one clock."""
 
-from gpsim.recordings.bare_table import read_bare_table, recording_of
 from gpsim.recordings.binding import apart, joined
 from gpsim.recordings.episodes import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
 from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
-from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings.files import read_bare_table, read_recording, recording_of, write_recording
 from gpsim.recordings.guessing import Guess, System, guess
 from gpsim.recordings.import_report import ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs

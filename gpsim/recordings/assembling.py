@@ -43,10 +43,10 @@ def assemble(
 
     tracks: by their names, already on one clock; flag: the track of `episodes.field`, if there is one.
     """
-    state = {source_.track: tracks[source_.track] for source_ in _measured(mapping)}
+    state = {source_.track: tracks[source_.track] for source_ in mapping.measured}
     action = {source_.track: tracks[source_.track] for source_ in mapping.action}
     stages = _stages(state, action, flag, mapping)
-    reference = tracks[_measured(mapping)[0].track]
+    reference = tracks[mapping.measured[0].track]
     _refuse_too_many(source, stages[-1].intervals, mapping)
     built = [_episode(piece, reference, tracks, mapping) for piece in stages[-1].intervals]
     episodes = tuple(episode for episode in built if episode is not None)
@@ -72,10 +72,6 @@ def _refuse_too_many(source: str, pieces: Sequence[Interval], mapping: ImportMap
             f"the limit is {MOST_SAMPLES:.0e}; choose a lower rate, or see whether the time column is in seconds "
             "(time.scale=1e-3 takes it as milliseconds)"
         )
-
-
-def _measured(mapping: ImportMapping) -> list[ChannelSource]:
-    return [source for source in mapping.state if source.derivative_of is None]
 
 
 def _stages(
@@ -124,9 +120,9 @@ def _stages(
 def _margin(state: Mapping[str, Track], mapping: ImportMapping) -> float:
     """Seconds at either end of a piece that smoothing and differentiation cannot serve."""
     needed = [0.0]
-    for source in _measured(mapping):
+    for source in mapping.measured:
         interval = _interval(state[source.track])
-        name = source.channel.name
+        name = source.name
         if any(s.derivative_of == name for s in mapping.state) and mapping.velocities.edges == "trim":
             needed.append(interval * velocities.reach(mapping.velocities, derivative=True))
         if name in mapping.smoothing.channels and mapping.smoothing.edges == "trim":
@@ -154,10 +150,10 @@ def _episode(
     at = grid(piece, reference, mapping.rate)
     if len(at) < 2:
         return None
-    margin = _margin({s.track: tracks[s.track] for s in _measured(mapping)}, mapping)
+    margin = _margin({s.track: tracks[s.track] for s in mapping.measured}, mapping)
     whole = (piece[0] - margin, piece[1] + margin)
-    by_name = {source.channel.name: source for source in mapping.state}
-    origins = [by_name[s.derivative_of or s.channel.name] for s in mapping.state if _is_filtered(s, mapping)]
+    by_name = {source.name: source for source in mapping.state}
+    origins = [by_name[s.derivative_of or s.name] for s in mapping.state if _is_filtered(s, mapping)]
     if any(where.inside(tracks[s.track].t, [whole]).sum() < 2 for s in origins):
         return None  # nothing to differentiate
     columns = []
@@ -166,9 +162,9 @@ def _episode(
             origin = by_name[source.derivative_of]
             rate = _filtered(origin, tracks[origin.track], whole, at, mapping.velocities, derivative=True)
             columns.append(source.sign * source.scale * rate + source.offset)
-        elif source.channel.name in mapping.smoothing.channels:
+        elif source.name in mapping.smoothing.channels:
             smooth = _filtered(source, tracks[source.track], whole, at, mapping.smoothing, derivative=False)
-            columns.append(wrap_angle(smooth) if source.channel.wraps else smooth)
+            columns.append(wrap_angle(smooth) if source.wraps else smooth)
         else:
             columns.append(at_times(source, tracks[source.track], at))
     commands = [_command(source, tracks[source.track], at, mapping) for source in mapping.action]
@@ -177,7 +173,7 @@ def _episode(
 
 
 def _is_filtered(source: ChannelSource, mapping: ImportMapping) -> bool:
-    return source.derivative_of is not None or source.channel.name in mapping.smoothing.channels
+    return source.derivative_of is not None or source.name in mapping.smoothing.channels
 
 
 def _filtered(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import BoolArray, Channel, Channels, IntArray
+from gpsim.channels import BoolArray, Channels, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings.mapping import ChannelSource, EpisodeRule, ImportMapping
 from gpsim.recordings.raw import Series, Topic
@@ -105,7 +105,7 @@ class Bound:
     def roles(self) -> Mapping[str, Sequence[ChannelSource]]:
         """What is read, by what it is for; one role needs all of its fields in one row."""
         return {
-            "state": [source for source in self.mapping.state if source.derivative_of is None],
+            "state": self.mapping.measured,
             "action": self.mapping.action,
             "flag": () if self.flag is None else (self.flag,),
         }
@@ -144,7 +144,9 @@ def bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> Boun
     """
     only = next(iter(topics)) if len(topics) == 1 else None
     rule = mapping.episodes
-    flag = None if rule.by == "file" or rule.field is None else _flag(rule)
+    flag = (
+        None if rule.column is None else ChannelSource(rule.column, "", topic=rule.topic, field=rule.column)
+    )
     bound = Bound(
         _with_topics(mapping, only), None if flag is None else replace(flag, topic=flag.topic or only)
     )
@@ -160,10 +162,6 @@ def bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> Boun
         selections.setdefault(topic, {})[_selection(source)] = None
     several = {topic for topic, found in selections.items() if len(found) > 1}
     return _with_selections(bound, several)
-
-
-def _flag(rule: EpisodeRule) -> ChannelSource:
-    return ChannelSource(Channel(rule.field or "", ""), rule.topic, rule.field)
 
 
 def _with_topics(mapping: ImportMapping, only: str | None) -> ImportMapping:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -12,18 +14,16 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings import values
-from gpsim.recordings.recording import Episode, HeldOut, Recording
-from gpsim.recordings.table_files import check_size, read_frame
-from gpsim.recordings.values import check_channels, check_name, one_line
+from gpsim.recordings.guessing_time import UNITS, dated, likely_unit
+from gpsim.recordings.recording import Clock, HeldOut, Recording, Velocities
+from gpsim.recordings.table_files import episodes_of, read_frame
+from gpsim.recordings.values import Number, Numbers, Sound, Text, check_channels, checked, one_line
 from gpsim.recordings.yaml_data import read_yaml
 
 TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
-_KNOWN = {
-    "system", "parameters", "integrator", "dt", "state", "action", "velocities", "clock", "noise", "held_out",
-    "wraps", "provenance", "model",
-}  # fmt: skip
+ALIKE = 0.75  # of 1: names so much alike are a slip of the pen
+MOVING = ("m", "rad", "deg", "m/s", "rad/s", "deg/s")  # units of what is looked at many times a second
 
 
 def write_recording(recording: Recording, folder: Path, table: TableFormat = "parquet") -> None:
@@ -74,118 +74,113 @@ def _metadata(recording: Recording) -> dict[str, Any]:
     return meta
 
 
+def _units(raw: object) -> dict[str, str]:
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"expected channels with units, as {{x: m, x_dot: m/s}}, got {raw!r}")
+    return {str(name): str(unit) for name, unit in raw.items()}
+
+
+def _list(raw: object) -> list[Any]:
+    if not isinstance(raw, list):
+        raise ValueError(f"expected a list of channels, got {raw!r}")
+    return raw
+
+
+def _table(raw: object) -> Mapping[str, Any]:
+    if not isinstance(raw, Mapping):
+        raise ValueError(f"expected keys and values, got {one_line(repr(raw), 60)}")
+    return raw
+
+
+def _model(raw: object) -> str:
+    if not (isinstance(raw, str) and raw):
+        raise ValueError(f"expected the file of a MuJoCo model, as robot.xml, got {raw!r}")
+    return raw
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """What recording.yaml says."""
+
+    system: Text
+    dt: Number
+    state: Annotated[dict[str, str], Sound(_units)]
+    action: Annotated[dict[str, str], Sound(_units)] = field(default_factory=dict)
+    parameters: Numbers = field(default_factory=dict)
+    integrator: Text = "euler"
+    velocities: Velocities | None = None
+    clock: Clock = "episode"
+    noise: Numbers = field(default_factory=dict)
+    held_out: HeldOut | None = None
+    wraps: Annotated[Sequence[str], Sound(_list)] = ()
+    provenance: Annotated[Mapping[str, Any], Sound(_table)] = field(default_factory=dict)
+    model: Annotated[str, Sound(_model)] | None = None
+
+    def __post_init__(self) -> None:
+        for what, names, known in (
+            ("wraps", self.wraps, tuple(self.state)),
+            ("noise", self.noise, (*self.state, *self.action)),
+        ):
+            for name in names:
+                if name not in known:
+                    raise ValueError(f"{what}: '{name}' is not one of {', '.join(known)}")
+        for name, deviation in self.noise.items():
+            if deviation < 0:
+                raise ValueError(f"noise.{name}: a standard deviation is no less than 0, got {deviation:g}")
+
+
 def read_recording(path: Path) -> Recording:
     """Read a recording folder; every fault ends in a UsageError that says what, where and what to do."""
     folder = path if path.is_dir() else path.parent
     meta = _read_metadata(folder / META_NAME)
     frame, table = _read_table(folder)
-    where = str(folder / META_NAME)
-    state = Channels.of(_units(meta["state"], f"{where}: state"), wraps=_wraps(meta, where))
-    action = Channels.of(_units(meta.get("action") or {}, f"{where}: action"))
-    needed = ("episode", "t", *state.names, *action.names)
-    missing = [name for name in needed if name not in frame.columns]
+    state, action = Channels.of(meta.state, wraps=meta.wraps), Channels.of(meta.action)
+    missing = [name for name in ("episode", "t", *state.names, *action.names) if name not in frame.columns]
     if missing:
         raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
-    unnamed = np.flatnonzero(frame["episode"].isna() | (frame["episode"] == ""))
-    if unnamed.size:
-        raise UsageError(f"{table}: row {unnamed[0]}: no episode; give every row its episode's name")
-    episodes = tuple(
-        _episode(str(name), rows, state, action, table) for name, rows in frame.groupby("episode", sort=False)
+    same = (
+        "system",
+        "dt",
+        "parameters",
+        "integrator",
+        "velocities",
+        "clock",
+        "noise",
+        "held_out",
+        "provenance",
     )
     return Recording(
-        system=str(meta["system"]),
         state=state,
         action=action,
-        episodes=episodes,
-        dt=values.number(meta["dt"], f"{where}: dt"),
-        parameters=values.numbers(meta.get("parameters") or {}, f"{where}: parameters"),
-        integrator=str(meta.get("integrator", "euler")),
-        velocities=values.choice(
-            meta.get("velocities"), (None, "measured", "differentiated"), f"{where}: velocities"
-        ),
-        clock=values.choice(meta.get("clock", "episode"), ("session", "episode"), f"{where}: clock"),
-        noise=_noise(meta, state + action, where),
-        held_out=_held_out(meta, where),
-        provenance=_provenance(meta.get("provenance"), where),
-        model=_model(meta, where),
+        episodes=episodes_of(frame, str(table), state, action),
+        model=meta.model,
+        **{name: getattr(meta, name) for name in same},
     )
 
 
-def _read_metadata(path: Path) -> Mapping[str, Any]:
+def _read_metadata(path: Path) -> _Metadata:
     if not path.is_file():
         raise UsageError(
             f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv"
         )
-    meta = read_yaml(path)
-    if not isinstance(meta, dict):
+    raw = read_yaml(path)
+    if not isinstance(raw, dict):
         raise UsageError(f"{path}: expected a mapping with system, dt, state and action")
-    lacking = [key for key in ("system", "dt", "state") if key not in meta]
+    lacking = [key for key in ("system", "dt", "state") if raw.get(key) is None]
     if lacking:
         raise UsageError(f"{path}: {', '.join(lacking)} missing")
-    unknown = sorted(set(meta) - _KNOWN)
-    if unknown:
-        raise UsageError(
-            f"{path}: unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(_KNOWN))}"
-        )
+    raw["held_out"] = _held_out(raw.get("held_out") or {}, f"{path}: held_out")
+    meta = checked(_Metadata, raw, str(path), top=True)
+    check_channels(meta.state, f"{path}: state")
+    check_channels(meta.action, f"{path}: action")
     return meta
 
 
-def _units(raw: object, where: str) -> dict[str, str]:
-    if not isinstance(raw, Mapping):
-        raise UsageError(f"{where}: expected channels with units, as {{x: m, x_dot: m/s}}, got {raw!r}")
-    check_channels(raw, where)
-    return {str(name): str(unit) for name, unit in raw.items()}
-
-
-def _provenance(raw: object, where: str) -> Mapping[str, Any]:
-    if not isinstance(raw, Mapping | None):
-        raise UsageError(f"{where}: provenance: expected keys and values, got {one_line(repr(raw), 60)}")
-    return raw or {}
-
-
-def _model(meta: Mapping[str, Any], where: str) -> str | None:
-    model = meta.get("model")
-    if model is not None and not (isinstance(model, str) and model):
-        raise UsageError(f"{where}: model: expected the file of a MuJoCo model, as robot.xml, got {model!r}")
-    return model
-
-
-def _wraps(meta: Mapping[str, Any], where: str) -> tuple[str, ...]:
-    names = meta.get("wraps") or []
-    if not isinstance(names, list):
-        raise UsageError(f"{where}: wraps: expected a list of channels, got {names!r}")
-    return tuple(values.choice(name, tuple(meta["state"]), f"{where}: wraps") for name in names)
-
-
-def _noise(meta: Mapping[str, Any], channels: Channels, where: str) -> dict[str, float]:
-    noise = values.numbers(meta.get("noise") or {}, f"{where}: noise")
-    for name, deviation in noise.items():
-        values.choice(name, channels.names, f"{where}: noise")
-        if deviation < 0:
-            raise UsageError(
-                f"{where}: noise.{name}: a standard deviation is no less than 0, got {deviation:g}"
-            )
-    return noise
-
-
-def _held_out(meta: Mapping[str, Any], where: str) -> HeldOut | None:
-    if not meta.get("held_out"):
-        return None
-    where = f"{where}: held_out"
-    rule = values.table(meta["held_out"], where, ("episodes_from", "time_from", "share"))
-    if len(rule) > 1:
+def _held_out(raw: object, where: str) -> HeldOut | None:
+    rule = checked(HeldOut, raw, where)
+    if isinstance(raw, Mapping) and len(raw) > 1:
         raise UsageError(f"{where}: episodes_from, time_from or share, not two of them")
-    if "time_from" in rule:
-        return HeldOut(None, values.number(rule["time_from"], f"{where}.time_from"))
-    if "share" in rule:
-        share = values.number(rule["share"], f"{where}.share")
-        if not 0.0 <= share < 1.0:
-            raise UsageError(f"{where}.share: expected a number in [0, 1), got {share:g}")
-        return HeldOut(share=share)
-    first = values.number(rule["episodes_from"], f"{where}.episodes_from")
-    if not first.is_integer():
-        raise UsageError(f"{where}.episodes_from: expected a whole number, got {first:g}")
-    return HeldOut(int(first), None)
+    return rule if raw else None
 
 
 def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
@@ -199,37 +194,103 @@ def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
     return frame, table
 
 
-def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, table: Path) -> Episode:
-    check_name(name, f"{table}: column episode")
-    try:
-        t = rows["t"].to_numpy(dtype=np.float64)
-        states = rows[list(state.names)].to_numpy(dtype=np.float64)
-        actions = rows[list(action.names)].to_numpy(dtype=np.float64).reshape(len(rows), len(action))[:-1]
-    except (ValueError, TypeError) as error:
-        raise UsageError(f"{table}: episode {name}: a value is not a number: {error}") from error
-    _check_finite(t[:, None], ("t",), name, rows, table)
-    _check_finite(states, state.names, name, rows, table)
-    _check_finite(actions, action.names, name, rows, table)
-    samples = np.column_stack([t, states])
-    check_size(samples, ("t", *state.names), f"{table}: episode {name}", list(rows.index))
-    check_size(actions, action.names, f"{table}: episode {name}", list(rows.index))
-    backwards = np.flatnonzero(np.diff(t) <= 0)
-    if backwards.size:
-        row = int(rows.index[int(backwards[0]) + 1])
-        raise UsageError(
-            f"{table}: episode {name}, row {row}: t does not increase; sort or re-import the log"
-        )
-    return Episode(name, t, states, actions)
+def read_bare_table(
+    path: Path,
+    system: str,
+    state: Channels,
+    action: Channels,
+    parameters: Mapping[str, float],
+    *,
+    optional: Collection[str] = (),
+    integrator: str = "euler",
+) -> Recording:
+    """Columns t [s], `state`, `action` and, if there are several, episode; states in `optional` may be absent.
+
+    So may all actions, of something that nobody commands.
+
+    Every fault is a UsageError that names file, episode, row and column.
+    """
+    table = read_frame(path)
+    return recording_of(
+        table, path, system, state, action, parameters, optional=optional, integrator=integrator
+    )
 
 
-def _check_finite(
-    values: FloatArray, names: tuple[str, ...], episode: str, rows: pd.DataFrame, table: Path
-) -> None:
-    bad = np.argwhere(~np.isfinite(values))
-    if bad.size:
-        row, column = (int(i) for i in bad[0])
-        value = values[row, column]
+def recording_of(
+    table: pd.DataFrame,
+    path: Path | str,
+    system: str,
+    state: Channels,
+    action: Channels,
+    parameters: Mapping[str, float],
+    *,
+    optional: Collection[str] = (),
+    integrator: str = "euler",
+    dt: float | None = None,
+) -> Recording:
+    """The same of a table that is there already; path: what messages call it.
+
+    dt: the usual step [s] where it is known, which says that t is in seconds; else the median step.
+    """
+    held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
+    held = held if len(held) else state
+    _check_spelling(path, table, (*state.names, *action.names))
+    action = action if set(action.names) & set(table.columns) else Channels(())
+    needed = ("t", *held.names, *action.names)
+    _check_columns(path, table, needed, system)
+    if "episode" not in table.columns:
+        table = table.assign(episode="0")
+    episodes = episodes_of(table, str(path), held, action)
+    steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
+    if not len(steps):
+        raise UsageError(f"{path}: too short: no episode has two rows")
+    usual = float(np.median(steps))
+    if dt is None:
+        _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
+    return Recording(system, held, action, episodes, usual if dt is None else dt, parameters, integrator)
+
+
+def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Channels) -> None:
+    """Refuse a clock that counts something else than seconds: a date says so, or what moves and is seen so seldom."""
+    unit = likely_unit(t, step)
+    if unit is None or not (dated(t) or any(channel.unit in MOVING for channel in channels)):
+        return
+    count = str(round(1 / UNITS[unit]))
+    seconds = f"if it is in seconds, say so: dt={step:g}"
+    if isinstance(path, Path):
+        seconds = f"if it is in seconds, say so in a recording.yaml beside it (dt: {step:g})"
+        count = f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}"
+    raise UsageError(
+        f"{path}: t looks like {unit}: its usual step is {step:g}, and t is read in seconds; divide the column by "
+        f"{count}; {seconds}"
+    )
+
+
+def _check_spelling(path: Path | str, table: pd.DataFrame, names: Sequence[str]) -> None:
+    """A column that is nearly called as a channel that is absent would be passed over without a word."""
+    columns = [str(column) for column in table.columns]
+    others = [column for column in columns if column not in ("t", "episode", *names)]
+    for name in names:
+        near = alike(name, others)
+        if name not in columns and near:
+            raise UsageError(
+                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
+            )
+
+
+def alike(name: str, columns: Sequence[str]) -> str | None:
+    """The column that is nearly called so, a slip of the pen; None where none is."""
+    lower = {column.lower(): column for column in columns}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=ALIKE)
+    return lower[near[0]] if near else None
+
+
+def _check_columns(path: Path | str, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
         raise UsageError(
-            f"{table}: episode {episode}, row {int(rows.index[row])}, channel {names[column]}: {value} is not finite"
-            f" ({len(bad)} such value(s)); drop or repair the rows and import again"
+            f"{path}: column(s) {', '.join(missing)} missing; {system} needs {', '.join(needed)}"
         )
+    dates = [name for name in needed if table[name].dtype.kind in "mM"]
+    if dates:
+        raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")

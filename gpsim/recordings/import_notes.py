@@ -34,7 +34,7 @@ def notes_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assem
         notes.append(
             f"commands: {how}; the longest time without a new one inside an episode is {longest:.3g} s"
         )
-    made = [s.channel.name for s in mapping.state if s.derivative_of is not None]
+    made = [s.name for s in mapping.state if s.derivative_of is not None]
     if made:
         notes.append(f"velocities: {', '.join(made)} differentiated, {describe(mapping.velocities)}")
     if mapping.smoothing.channels:
@@ -122,13 +122,13 @@ def origins(counts: Sequence[EpisodeCount]) -> dict[str, Any]:
 def mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
     """The decisions of the mapping, for recording.yaml."""
     metadata: dict[str, Any] = {
-        "state": {source.channel.name: as_metadata(source) for source in mapping.state},
-        "action": {source.channel.name: as_metadata(source) for source in mapping.action},
+        "state": {source.name: as_metadata(source) for source in mapping.state},
+        "action": {source.name: as_metadata(source) for source in mapping.action},
         "rate": "source" if mapping.rate is None else mapping.rate,
         "gap_limit_s": mapping.gap_limit,
         "commands": mapping.commands,
     }
-    if mapping.differentiates:
+    if len(mapping.measured) < len(mapping.state):
         metadata["velocities"] = describe(mapping.velocities)
     if mapping.smoothing.channels:
         metadata["smoothing"] = f"{', '.join(mapping.smoothing.channels)}: {describe(mapping.smoothing)}"

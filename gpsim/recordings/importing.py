@@ -123,7 +123,7 @@ def _estimates(found: Sequence[Lag], parts: Sequence[Part]) -> dict[str, float]:
     topics = _command_topics(parts[0].mapping) if parts else set()
     best: dict[str, Lag] = {}
     for lag in found:
-        topic = next(s.topic for s in parts[0].mapping.action if s.channel.name == lag.command)
+        topic = next(s.topic for s in parts[0].mapping.action if s.name == lag.command)
         if topic in topics and lag.usable:
             known = best.get(topic)
             if known is None or abs(lag.correlation) > abs(known.correlation):
@@ -173,7 +173,7 @@ def _nothing_left(built: Sequence[Assembled], parts: Sequence[Part]) -> str:
 
 def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: bool) -> Recording:
     steps = np.concatenate([np.diff(episode.t) for episode in episodes])
-    velocities: Any = "differentiated" if mapping.differentiates else None
+    velocities: Any = "differentiated" if len(mapping.measured) < len(mapping.state) else None
     if velocities is None and any(name.endswith("_dot") for name in mapping.state_channels.names):
         velocities = "measured"
     return Recording(

@@ -11,7 +11,7 @@ import yaml
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings.bare_table import alike
+from gpsim.recordings.files import alike
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 from gpsim.recordings.sources import NamedLog

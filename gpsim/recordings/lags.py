@@ -27,7 +27,7 @@ class Pieces:
 
     def add(self, tracks: Mapping[str, Track], mapping: ImportMapping, intervals: Sequence[Interval]) -> None:
         """Take what the episodes in `intervals` show."""
-        measured = [source for source in mapping.state if source.derivative_of is None]
+        measured = mapping.measured
         pace = [float(np.median(np.diff(tracks[s.track].t))) for s in measured if len(tracks[s.track].t) > 1]
         if self.step is None:
             self.step = max([STEP, *pace])
@@ -38,15 +38,14 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.channel.name: clock.linear(at, tracks[s.track].t, samples(s, tracks[s.track]))
-                for s in measured
+                s.name: clock.linear(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
             }
             responses = _responses(signals, self.step)
             for source in mapping.action:
                 track = tracks[source.track]
                 command = clock.held(at, track.t, samples(source, track))
                 for name, response in responses.items():
-                    self.pairs.setdefault((source.channel.name, name), []).append((command, response))
+                    self.pairs.setdefault((source.name, name), []).append((command, response))
 
     def estimates(self) -> list[Lag]:
         """For every command that moves, the response that follows it best."""

@@ -5,18 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made_by
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from gpsim.channels import Channel, Channels
-from gpsim.errors import UsageError
+from gpsim.recordings import values
+from gpsim.recordings.values import LARGEST, Numbers, Sound, Text, positive, within
 
 StampChoice = Literal["auto", "header", "receive"]
 AngleName = Literal["roll", "pitch", "yaw"]
+APART = within(-1e10, 1e10, "s")  # the most that two clocks may differ by, some 300 years
+WIDEST = 10_001  # samples of a smoothing window
+FACTOR = within(-LARGEST, LARGEST)
 
 
 def track_name(topic: str, part: str) -> str:
     """What the rows of a topic are called, or a part of them."""
     return f"{topic} ({part})" if part else topic
+
+
+def _sign(value: object) -> float:
+    found = values.number(value)
+    if found not in (1.0, -1.0):
+        raise ValueError(f"must be 1 or -1, got {value}; use scale for a factor")
+    return found
 
 
 @dataclass(frozen=True)
@@ -27,16 +38,23 @@ class ChannelSource:
     table of the log. part: which rows of the topic, where not all of them hold the channel; set when a log is read.
     """
 
-    channel: Channel
-    topic: str | None = None
-    field: str | None = None
-    quaternion: str | None = None
+    name: Text
+    unit: Text
+    wraps: Annotated[bool, Sound(values.flag)] = False
+    topic: Text | None = None
+    field: Text | None = None
+    quaternion: Text | None = None
     angle: AngleName = "yaw"
-    derivative_of: str | None = None
-    scale: float = 1.0
-    sign: float = 1.0
-    offset: float = 0.0
+    derivative_of: Text | None = None
+    scale: Annotated[float, FACTOR] = 1.0
+    sign: Annotated[float, Sound(_sign)] = 1.0
+    offset: Annotated[float, FACTOR] = 0.0
     part: str = ""
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that is made."""
+        return Channel(self.name, self.unit, self.wraps)
 
     @property
     def track(self) -> str:
@@ -55,11 +73,15 @@ class ChannelSource:
 class TimeColumns:
     """How a table tells the time: one column [s after scale], two columns, or a fixed step [s]."""
 
-    field: str | None = None
-    scale: float = 1.0
-    seconds: str | None = None
-    nanoseconds: str | None = None
-    step: float | None = None
+    field: Text | None = None
+    scale: Annotated[float, positive(unit="s per count")] = 1.0
+    seconds: Text | None = None
+    nanoseconds: Text | None = None
+    step: Annotated[float, positive()] | None = None
+
+    def __post_init__(self) -> None:
+        if sum(x is not None for x in (self.field, self.seconds, self.step)) != 1:
+            raise ValueError("give one of field, seconds (with nanoseconds) and step")
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -77,9 +99,15 @@ class ClockChoice:
 
     stamps: StampChoice = "auto"
     topics: Mapping[str, StampChoice] = made_by(default_factory=dict)
-    offsets: Mapping[str, float] = made_by(default_factory=dict)
-    apply_offset: bool | float = False
+    offsets: Mapping[str, Annotated[float, APART]] = made_by(default_factory=dict)
+    apply_offset: Annotated[bool | float, Sound(lambda v: v if isinstance(v, bool) else APART.by(v))] = False
     kind: Literal["auto", "session", "episode"] = "auto"
+
+
+def _names(value: object) -> tuple[str, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError("expected a list of channel names")
+    return tuple(str(name) for name in value)
 
 
 @dataclass(frozen=True)
@@ -90,18 +118,16 @@ class Smoothing:
     """
 
     method: Literal["gaussian", "savgol", "none"] = "gaussian"
-    sigma: float = 2.0
-    window: int = 9
-    order: int = 3
+    sigma: Annotated[float, positive(WIDEST, "samples")] = 2.0
+    window: Annotated[int, within(1, WIDEST, whole=True)] = 9
+    order: Annotated[int, within(1, 10, whole=True)] = 3
     edges: Literal["trim", "local"] = "trim"
-    channels: tuple[str, ...] = ()
+    channels: Annotated[tuple[str, ...], Sound(_names)] = ()
 
     def __post_init__(self) -> None:
-        if self.sigma <= 0:
-            raise UsageError(f"mapping: smoothing sigma must be positive (samples), got {self.sigma}")
-        if self.window % 2 == 0 or self.window <= self.order or self.order < 1:
-            raise UsageError(
-                "mapping: savgol needs an odd window larger than its order (at least 1), got "
+        if self.window % 2 == 0 or self.window <= self.order:
+            raise ValueError(
+                "savgol needs an odd window larger than its order (at least 1), got "
                 f"window {self.window}, order {self.order}"
             )
 
@@ -114,21 +140,26 @@ class EpisodeRule:
     for tables that hold several experiments side by side.
     """
 
-    by: Literal["file", "flag", "column"] = "file"
-    topic: str | None = None
-    field: str | None = None
-    equals: float = 1.0
-    min_duration: float = 0.0
-    variants: Mapping[str, Mapping[str, str]] = made_by(default_factory=dict)
+    by: Literal["file", "gap", "flag", "column"] = "file"
+    topic: Text | None = None
+    field: Text | None = None
+    equals: Annotated[float, Sound(values.number)] = 1.0
+    min_duration: Annotated[float, within(0.0, values.SECONDS, "s")] = 0.0
+    variants: Mapping[str, Mapping[str, Text]] = made_by(default_factory=dict)
+
+    @property
+    def column(self) -> str | None:
+        """The column that says where episodes are, if one does; a gap ends one in any case."""
+        return self.field if self.by in ("flag", "column") else None
 
 
 @dataclass(frozen=True)
 class HeldOutRule:
     """What is kept for judging: the last `share` (0: none), or an explicit number or moment [s]."""
 
-    share: float = 0.2
-    episodes_from: int | None = None
-    time_from: float | None = None
+    share: Annotated[float, Sound(values.share_of)] = 0.2
+    episodes_from: Annotated[int, within(0, 10**9, whole=True)] | None = None
+    time_from: Annotated[float, Sound(values.number)] | None = None
 
 
 @dataclass(frozen=True)
@@ -139,10 +170,14 @@ class Checks:
     largest believable change per second in the channel's unit.
     """
 
-    jump: float = 1.0
-    quaternion: float = 0.01
-    outlier: float = 50.0
-    max_rate: Mapping[str, float] = made_by(default_factory=dict)
+    jump: Annotated[float, positive()] = 1.0
+    quaternion: Annotated[float, positive(1.0, "")] = 0.01
+    outlier: Annotated[float, positive(LARGEST, "")] = 50.0
+    max_rate: Mapping[str, Annotated[float, positive(LARGEST, "per s")]] = made_by(default_factory=dict)
+
+
+def _rate(value: object) -> float | None:
+    return None if value == "source" else positive(LARGEST, "Hz, or 'source'").by(value)
 
 
 @dataclass(frozen=True)
@@ -155,18 +190,18 @@ class ImportMapping:
     of `system: mjcf` the MuJoCo model that simulates it.
     """
 
-    system: str
+    system: Text
     state: tuple[ChannelSource, ...]
     action: tuple[ChannelSource, ...]
-    rate: float | None
-    parameters: Mapping[str, float] = made_by(default_factory=dict)
-    integrator: str = "euler"
-    noise: Mapping[str, float] = made_by(default_factory=dict)
+    rate: Annotated[float | None, Sound(_rate)]
+    parameters: Numbers = made_by(default_factory=dict)
+    integrator: Literal["euler", "semi_implicit", "rk4"] = "euler"
+    noise: Mapping[str, Annotated[float, within(0.0, LARGEST)]] = made_by(default_factory=dict)
     layout: Literal["files", "folder"] = "files"
-    files: str = "*"
+    files: Text = "*"
     time: TimeColumns | None = None
-    gap_limit: float = 0.5
-    hold_limit: float | None = None
+    gap_limit: Annotated[float, positive()] = 0.5
+    hold_limit: Annotated[float, positive()] | None = None
     commands: Literal["hold", "mean"] = "hold"
     clock: ClockChoice = made_by(default_factory=ClockChoice)
     velocities: Smoothing = made_by(default_factory=Smoothing)
@@ -174,33 +209,33 @@ class ImportMapping:
     episodes: EpisodeRule = made_by(default_factory=EpisodeRule)
     held_out: HeldOutRule = made_by(default_factory=HeldOutRule)
     checks: Checks = made_by(default_factory=Checks)
-    description: str = ""
-    model: str | None = None
+    description: Text = ""
+    model: Text | None = None
 
     def __post_init__(self) -> None:
         if not self.state:
-            raise UsageError("mapping: state names no channel")
-        if self.rate is not None and not self.rate > 0:
-            raise UsageError(f"mapping: rate must be positive [Hz] or 'source', got {self.rate}")
-        if not self.gap_limit > 0:
-            raise UsageError(f"mapping: gap_limit must be positive [s], got {self.gap_limit}")
-        positions = [c.channel.name for c in self.state if c.derivative_of is None]
-        for source in self.state:
-            _one_of(source.derivative_of, positions, f"mapping: state.{source.channel.name}.derivative_of")
+            raise ValueError("state names no channel")
+        made = {s.name: s.derivative_of for s in self.state if s.derivative_of is not None}
+        positions = [s.name for s in self.state if s.name not in made]
+        for name, origin in made.items():
+            _one_of(origin, positions, f"state.{name}.derivative_of")
+            if name in self.checks.max_rate:
+                raise ValueError(
+                    f"checks.max_rate.{name}: {name} is made from {origin}, no row holds it; limit {origin} instead"
+                )
         for name in self.smoothing.channels:
-            _one_of(name, positions, "mapping: smoothing.channels")
-        names = [c.channel.name for c in (*self.state, *self.action)]
+            _one_of(name, positions, "smoothing.channels")
+        names = [s.name for s in (*self.state, *self.action)]
         renamed = [name for variant in self.episodes.variants.values() for name in variant]
         for name in (*self.noise, *self.checks.max_rate, *renamed):
-            _one_of(name, names, "mapping: channel")
-        for source in self.state:
-            if source.derivative_of is not None and source.channel.name in self.checks.max_rate:
-                raise UsageError(
-                    f"mapping: checks.max_rate.{source.channel.name}: {source.channel.name} is made from "
-                    f"{source.derivative_of}, no row holds it; limit {source.derivative_of} instead"
-                )
-        if self.episodes.by != "file" and self.episodes.field is None:
-            raise UsageError(f"mapping: episodes.by={self.episodes.by} needs episodes.field")
+            _one_of(name, names, "channel")
+        if self.episodes.by in ("flag", "column") and self.episodes.field is None:
+            raise ValueError(f"episodes.by={self.episodes.by} needs episodes.field")
+
+    @property
+    def measured(self) -> tuple[ChannelSource, ...]:
+        """The sources of state channels that are read, not made here."""
+        return tuple(source for source in self.state if source.derivative_of is None)
 
     @property
     def state_channels(self) -> Channels:
@@ -212,20 +247,15 @@ class ImportMapping:
         """The recording's action channels."""
         return Channels(tuple(source.channel for source in self.action))
 
-    @property
-    def differentiates(self) -> bool:
-        """Whether any state channel is a derivative made here."""
-        return any(source.derivative_of is not None for source in self.state)
 
-
-def _one_of(name: str | None, known: Sequence[str], where: str) -> None:
-    if name is not None and name not in known:
-        raise UsageError(f"{where}: no channel '{name}'; there are: {', '.join(known)}")
+def _one_of(name: str, known: Sequence[str], where: str) -> None:
+    if name not in known:
+        raise ValueError(f"{where}: no channel '{name}'; there are: {', '.join(known)}")
 
 
 def with_fields(sources: Sequence[ChannelSource], fields: Mapping[str, str]) -> tuple[ChannelSource, ...]:
     """The same channels from other fields (a variant): fields is channel -> field."""
-    return tuple(replace(s, field=fields[s.channel.name]) if s.channel.name in fields else s for s in sources)
+    return tuple(replace(s, field=fields.get(s.name, s.field)) for s in sources)
 
 
 def as_metadata(source: ChannelSource) -> dict[str, Any]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
+from gpsim.recordings.values import Number, Sound, share_of, within
 
 Clock = Literal["session", "episode"]
 Velocities = Literal["measured", "differentiated"]
@@ -52,9 +53,9 @@ class HeldOut:
     A share is of the episodes, or of the samples where it is less than one episode.
     """
 
-    episodes_from: int | None = None
-    time_from: float | None = None
-    share: float | None = None
+    episodes_from: Annotated[int, within(-1e9, 1e9, whole=True)] | None = None
+    time_from: Number | None = None
+    share: Annotated[float, Sound(share_of)] | None = None
 
 
 @dataclass(frozen=True)

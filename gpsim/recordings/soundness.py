@@ -46,7 +46,7 @@ def find_bad_rows(
         periods={
             source.field: 2.0 * np.pi / abs(source.scale)
             for source in (*mapping.state, *mapping.action)
-            if source.channel.wraps and source.field is not None and source.scale
+            if source.wraps and source.field is not None and source.scale
         },
     )
     for finding in find_silent_damage(series, limits):
@@ -98,7 +98,7 @@ def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArr
         sound[out] = False
     t = _clock(series, mapping)
     for source in (*mapping.state, *mapping.action):
-        limit = mapping.checks.max_rate.get(source.channel.name)
+        limit = mapping.checks.max_rate.get(source.name)
         if limit is None or source.topic != series.topic or not set(source.fields) <= set(series.fields):
             continue
         there = [np.isfinite(series.fields[field]) for field in source.fields]
@@ -114,7 +114,7 @@ def _limited(source: ChannelSource, series: Series, rows: IntArray) -> tuple[Flo
     raw = np.stack([series.fields[field][rows] for field in source.fields], axis=1)
     if source.quaternion is not None:  # continuous: every step the short way round
         return source.scale * clock.unwrapped(clock.euler_angle(raw, source.angle)), False
-    return source.scale * raw[:, 0], source.channel.wraps
+    return source.scale * raw[:, 0], source.wraps
 
 
 def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
@@ -155,8 +155,8 @@ def unmarked_wraps(parts: Sequence[Part], built: Sequence[Assembled]) -> tuple[s
     found: dict[str, str] = {}
     for part, one in zip(parts, built, strict=True):
         for source in part.mapping.state:
-            name = source.channel.name
-            if source.field is None or source.channel.unit != "rad" or source.channel.wraps or name in found:
+            name = source.name
+            if source.field is None or source.unit != "rad" or source.wraps or name in found:
                 continue
             said = _look(part, one, source)
             if said:
@@ -173,7 +173,7 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
     whole = np.flatnonzero(_near_a_turn(np.diff(values)) & _same_episode(t, spans))
     if not len(whole):
         return None
-    name = source.channel.name
+    name = source.name
     first = (
         f"{part.name}: {name} steps by {values[whole[0] + 1] - values[whole[0]]:.3g} rad from one row to the next "
         f"({len(whole)} time(s), first at {t[whole[0]]:.6g} s), nearly a turn"

@@ -6,7 +6,6 @@ A column that always says the same takes no bytes on the disk and eight a row in
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,10 +14,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gpsim.channels import FloatArray
+from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
-from gpsim.recordings.values import LARGEST, LONGEST_LINE, check_columns, one_line
+from gpsim.recordings.recording import Episode
+from gpsim.recordings.values import LARGEST, LONGEST_LINE, check_columns, check_name, one_line
 
 PARQUET: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
 """What of a file's own description is believed."""
@@ -115,13 +115,47 @@ def _csv_names(path: Path) -> list[str]:
     return [name.strip() or f"column_{number}" for number, name in enumerate(first)]
 
 
-def check_size(values: FloatArray, names: Sequence[str], where: str, rows: Sequence[int]) -> None:
-    """Refuse finite values (N, C) that no measurement can be; rows: (N,) what the rows are called."""
-    with np.errstate(invalid="ignore"):
-        bad = np.argwhere(np.abs(values) > LARGEST)
-    if len(bad):
-        row, column = (int(i) for i in bad[0])
+def episodes_of(frame: pd.DataFrame, where: str, state: Channels, action: Channels) -> tuple[Episode, ...]:
+    """The episodes of a table with the columns episode, t, `state` and `action`; `where` is what messages call it.
+
+    The last row's action of an episode never acted, and may be empty. UsageError names episode, row and column.
+    """
+    frame = frame.reset_index(drop=True)
+    unnamed = np.flatnonzero(frame["episode"].isna() | (frame["episode"] == ""))
+    if unnamed.size:
+        raise UsageError(f"{where}: row {unnamed[0]}: no episode; give every row its episode's name")
+    columns = ["t", *state.names, *action.names]
+    return tuple(
+        _episode(str(name), rows[columns], 1 + len(state), where)
+        for name, rows in frame.groupby("episode", sort=False)
+    )
+
+
+def _episode(name: str, rows: pd.DataFrame, states: int, where: str) -> Episode:
+    check_name(name, f"{where}: column episode")
+    try:
+        values = rows.to_numpy(dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"{where}: episode {name}: a value is not a number: {error}") from error
+    used = np.ones(values.shape, dtype=np.bool_)
+    used[-1, states:] = False
+    unfinite, large = ~np.isfinite(values) & used, (np.abs(values) > LARGEST) & np.isfinite(values) & used
+    for bad in (np.argwhere(unfinite), np.argwhere(large)):
+        if len(bad):
+            row, column = (int(i) for i in bad[0])
+            value, more = values[row, column], f"({len(bad)} such value(s)); drop or repair the rows"
+            place, channel = f"{where}: episode {name}, row {rows.index[row]}", rows.columns[column]
+            if not np.isfinite(value):
+                raise UsageError(f"{place}, channel {channel}: {value} is not finite {more}")
+            raise UsageError(
+                f"{place}, column {channel}: {value:g} is no measurement, none is larger than {LARGEST:g} {more}"
+            )
+    t = values[:, 0]
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        row = int(back[0]) + 1
         raise UsageError(
-            f"{where}, row {rows[row]}, column {names[column]}: {values[row, column]:g} is no measurement, none is "
-            f"larger than {LARGEST:g} ({len(bad)} such value(s)); drop or repair the rows"
+            f"{where}: episode {name}, row {rows.index[row]}: t does not increase ({t[row - 1]:g}, then {t[row]:g}); "
+            "sort the rows, or give every run an episode of its own"
         )
+    return Episode(name, t, values[:, 1:states], values[:-1, states:])

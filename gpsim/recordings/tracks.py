@@ -166,7 +166,7 @@ def samples(source: ChannelSource, track: Track, rows: IntArray | slice = slice(
         assert source.field is not None
         raw = track.fields[source.field][rows]
     value = source.sign * source.scale * raw + source.offset
-    return clock.unwrapped(value) if source.channel.wraps else value
+    return clock.unwrapped(value) if source.wraps else value
 
 
 def at_times(source: ChannelSource, track: Track, at: FloatArray) -> FloatArray:
@@ -177,7 +177,7 @@ def at_times(source: ChannelSource, track: Track, at: FloatArray) -> FloatArray:
         value = source.sign * source.scale * raw + source.offset
     else:
         value = clock.linear(at, track.t, samples(source, track))
-    return wrap_angle(value) if source.channel.wraps else value
+    return wrap_angle(value) if source.wraps else value
 
 
 def _quaternion(source: ChannelSource, track: Track) -> FloatArray:

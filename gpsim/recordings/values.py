@@ -7,8 +7,10 @@ import difflib
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import lru_cache
+from typing import Annotated, Any, TypeVar
 
 from gpsim.errors import UsageError
 
@@ -73,13 +75,77 @@ def cells_of(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in made]
 
 
-_FINITE = sys.float_info.max
 LARGEST = 1e30  # no measurement in any SI unit is larger; its powers still are numbers
 SECONDS = 1e9  # the longest time that a setting may name, some 30 years
 _EXPONENT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[eE][+-]?\d+", re.ASCII)
+T = TypeVar("T")
 
 
-def table(raw: object, where: str, known: tuple[str, ...]) -> Mapping[str, Any]:
+@dataclass(frozen=True)
+class Sound:
+    """How pydantic takes a value of data: as what `by` makes of it, which raises ValueError where it is unsound."""
+
+    by: Callable[[Any], Any]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic import PlainValidator  # here: a sixth of a second that most commands need not wait for
+
+        return PlainValidator(self.by).__get_pydantic_core_schema__(source, handler)
+
+
+def number(value: object) -> float:
+    """A finite number; also 1e-3, which YAML 1.1 takes for text because it has no decimal point."""
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        value = float(value)
+    largest = sys.float_info.max
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= largest:
+        raise ValueError(f"expected a finite number, got {one_line(repr(value), 60)}")
+    return float(value)
+
+
+def within(least: float, most: float, unit: str = "", *, above: bool = False, whole: bool = False) -> Sound:
+    """A number from `least` to `most`; above: it must be positive; whole: an integer; unit: for the message."""
+    counted = f" [{unit}]" if unit else ""
+
+    def by(value: object) -> float:
+        found = number(value)
+        if above and not found > 0:
+            raise ValueError(f"must be positive{counted}, got {found:g}")
+        if not least <= found <= most:
+            raise ValueError(f"must lie between {least:g} and {most:g}{counted}, got {found:g}")
+        if whole and not found.is_integer():
+            raise ValueError(f"expected a whole number, got {found:g}")
+        return int(found) if whole else found
+
+    return Sound(by)
+
+
+def positive(most: float = SECONDS, unit: str = "s") -> Sound:
+    """A number above 0 and not above `most`."""
+    return within(0.0, most, unit, above=True)
+
+
+def share_of(value: object) -> float:
+    """A number from 0 up to, but not, 1."""
+    found = number(value)
+    if not 0.0 <= found < 1.0:
+        raise ValueError(f"expected a number in [0, 1), got {found:g}")
+    return found
+
+
+def flag(value: object) -> bool:
+    """True or false, not something that looks like it."""
+    if not isinstance(value, bool):
+        raise ValueError(f"expected true or false, got {value!r}")
+    return value
+
+
+Text = Annotated[str, Sound(str)]
+Number = Annotated[float, Sound(number)]
+Numbers = Mapping[str, Number]
+
+
+def table(raw: object, where: str, known: Sequence[str]) -> Mapping[str, Any]:
     """A mapping with no other than the known keys."""
     if not isinstance(raw, Mapping):
         raise UsageError(f"{where}: expected keys and values, got {raw!r}; known keys are {', '.join(known)}")
@@ -91,62 +157,39 @@ def table(raw: object, where: str, known: tuple[str, ...]) -> Mapping[str, Any]:
     return raw
 
 
-def text(value: object) -> str | None:
-    """Text, or nothing."""
-    return None if value is None else str(value)
+def checked(kind: type[T], raw: object, where: str, *, top: bool = False) -> T:
+    """The dataclass that a table of data describes, by the types of its fields; a key without a value is absent.
+
+    UsageError (where, key, what is wrong) for anything else. top: `where` is a file or the like, no key itself.
+    """
+    known = [field.name for field in fields(kind)]  # type: ignore[arg-type]  # a dataclass
+    given = {key: value for key, value in table(raw, where, known).items() if value is not None}
+    made: T = sound(kind, given, where, ": " if top else ".")
+    return made
 
 
-def flag(value: object, where: str) -> bool:
-    """True or false, not something that looks like it."""
-    if not isinstance(value, bool):
-        raise UsageError(f"{where}: expected true or false, got {value!r}")
-    return value
+def sound(kind: Any, value: object, where: str, join: str = ".") -> Any:
+    """The value as of this type; UsageError where it is none. join: what stands between where and a key."""
+    from pydantic import ValidationError
+
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+    place = where + "".join(f"{'.' if i else join}{key}" for i, key in enumerate(first["loc"]))
+    got, told = first["input"], first.get("ctx", {})
+    words = str(told.get("expected")).replace(" or ", ", ").replace("'", "")
+    what = {
+        "literal_error": f"'{got}' is not one of {words}",
+        "dict_type": f"expected names with numbers, got {got!r}",
+        "mapping_type": f"expected names with numbers, got {got!r}",
+        "value_error": str(told.get("error")),
+    }.get(first["type"], first["msg"])
+    raise UsageError(f"{place}{'' if what.startswith('must be positive') else ':'} {what}")
 
 
-def number(value: object, where: str) -> float:
-    """A finite number; also 1e-3, which YAML 1.1 takes for text because it has no decimal point."""
-    if isinstance(value, str) and _EXPONENT.fullmatch(value):
-        value = float(value)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= _FINITE:
-        raise UsageError(f"{where}: expected a finite number, got {one_line(repr(value), 60)}")
-    return float(value)
+@lru_cache(maxsize=32)
+def _adapter(kind: Any) -> Any:
+    from pydantic import TypeAdapter
 
-
-def within(value: object, where: str, least: float, most: float, unit: str = "") -> float:
-    """A number from `least` to `most`; unit: what it is counted in, for the message."""
-    found = number(value, where)
-    if not least <= found <= most:
-        counted = f" [{unit}]" if unit else ""
-        raise UsageError(f"{where}: must lie between {least:g} and {most:g}{counted}, got {found:g}")
-    return found
-
-
-def positive(value: object, where: str, most: float = SECONDS, unit: str = "s") -> float:
-    """A number above 0 and not above `most`."""
-    found = number(value, where)
-    if not found > 0:
-        counted = f" [{unit}]" if unit else ""
-        raise UsageError(f"{where} must be positive{counted}, got {found:g}")
-    return within(found, where, 0.0, most, unit)
-
-
-def whole(value: object, where: str, least: int, most: int) -> int:
-    """A whole number from `least` to `most`."""
-    found = within(value, where, least, most)
-    if not found.is_integer():
-        raise UsageError(f"{where}: expected a whole number, got {found:g}")
-    return int(found)
-
-
-def numbers(raw: object, where: str) -> dict[str, float]:
-    """Names with finite numbers."""
-    if not isinstance(raw, Mapping):
-        raise UsageError(f"{where}: expected names with numbers, got {raw!r}")
-    return {str(name): number(value, f"{where}.{name}") for name, value in raw.items()}
-
-
-def choice(value: Any, known: tuple[Any, ...], where: str) -> Any:
-    """One of the known words."""
-    if value not in known:
-        raise UsageError(f"{where}: '{value}' is not one of {', '.join(str(k) for k in known)}")
-    return value
+    return TypeAdapter(kind)

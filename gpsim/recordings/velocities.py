@@ -92,8 +92,8 @@ def finds_all(mapping: ImportMapping, topics: Sequence[Topic]) -> bool:
     wanted = [
         (source.topic or only, source.fields) for source in (*mapping.state, *mapping.action) if source.fields
     ]
-    if mapping.episodes.by != "file" and mapping.episodes.field is not None:
-        wanted.append((mapping.episodes.topic or only, (mapping.episodes.field,)))
+    if mapping.episodes.column is not None:
+        wanted.append((mapping.episodes.topic or only, (mapping.episodes.column,)))
     for fields in mapping.episodes.variants.values():
         wanted += [(only, (field,)) for field in fields.values()]
     if mapping.time is not None:

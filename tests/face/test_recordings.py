@@ -106,10 +106,10 @@ def test_what_is_refused_in_one_line(log, change, named, said):
 def test_values_and_times_that_cannot_be_are_named_with_their_row(log):
     hole = log.copy()
     hole.loc[7, "q"] = np.nan
-    assert "the frame: episode 0, row 7: q is not a finite number" in refused(from_frame, hole)
+    assert "the frame: episode 0, row 7, channel q: nan is not finite" in refused(from_frame, hole)
     back = log.copy()
     back.loc[9, "t"] = 0.0
-    assert "the frame: episode 0: t does not increase at row 9" in refused(from_frame, back)
+    assert "the frame: episode 0, row 9: t does not increase" in refused(from_frame, back)
     rng = np.random.default_rng(0)
     anyhow = log.assign(t=np.cumsum(rng.exponential(0.02, len(log))))
     assert "its time has no usual step: " in refused(from_frame, anyhow)

@@ -6,7 +6,7 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings.files import read_bare_table
 
 STATE, ACTION = Channels.of({"q": "m", "q_dot": "m/s"}), Channels.of({"force": "N"})
 
@@ -43,10 +43,10 @@ def test_a_state_that_may_be_absent_may_be_there(tmp_path):
 @pytest.mark.parametrize(
     ("row", "column", "value", "message"),
     [
-        (5, "q", np.nan, "episode a, row 1: q is not a finite number"),
-        (3, "q", np.inf, "episode b, row 3: q is not a finite number"),
-        (4, "force", np.nan, "episode a, row 0: force is not a finite number"),
-        (2, "t", 0.05, "episode b: t does not increase"),
+        (5, "q", np.nan, "episode a, row 5, channel q: nan is not finite"),
+        (3, "q", np.inf, "episode b, row 3, channel q: inf is not finite"),
+        (4, "force", np.nan, "episode a, row 4, channel force: nan is not finite"),
+        (2, "t", 0.05, "episode b, row 2: t does not increase"),
         (2, "episode", None, "row 2: no episode"),
     ],
 )

@@ -11,8 +11,7 @@ from by_hand import UNICYCLE, Drive, imported
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings import velocities
-from gpsim.recordings.bare_table import read_bare_table
-from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings.files import read_bare_table, read_recording, write_recording
 from gpsim.recordings.guessing_time import likely_unit
 from gpsim.recordings.mapping import Smoothing
 from gpsim.reports.import_text import as_text

@@ -64,7 +64,7 @@ def changed(path, value):
         (["velocities"], {"sigma": 0}, "sigma must be positive"),
         (["episodes"], {"by": "flag"}, "needs episodes.field"),
         (["time"], {"field": "t", "step": 1}, "give one of"),
-        (["held_out"], {"share": 1.5}, r"must lie in \[0, 1\)"),
+        (["held_out"], {"share": 1.5}, r"share: expected a number in \[0, 1\), got 1.5"),
         (["noise"], {"z": 1.0}, "no channel 'z'"),
         (["gap_limit"], 0, "gap_limit must be positive"),
         (["gap_limit"], "1_000e1", "expected a finite number"),
