@@ -14,7 +14,7 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.guessing_time import UNITS, dated, likely_unit
+from gpsim.recordings.likeness import UNITS, dated, likely_unit
 from gpsim.recordings.recording import Clock, HeldOut, Recording, Velocities
 from gpsim.recordings.table_files import episodes_of, read_frame
 from gpsim.recordings.values import Number, Numbers, Sound, Text, check_channels, checked, one_line

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gpsim.channels import Channel, Channels, FloatArray
+from gpsim.channels import Channel, Channels
 from gpsim.errors import UsageError
-from gpsim.recordings.guessing_poses import (
+from gpsim.recordings.guessing_parts import (
     POSE,
+    TIME,
+    Clock,
+    Values,
+    clock_of,
     command_of,
     fitting_pose,
     joint_command,
     measured_joint,
     poses_of,
 )
-from gpsim.recordings.guessing_time import TIME, Clock, clock_of
 from gpsim.recordings.likeness import (
     EXACT,
     FACTORS,
@@ -87,8 +90,6 @@ class Guess:
         return not self.missing and not self.unclear
 
 
-Values = Callable[[str, str], FloatArray]
-"""Reads a field of a topic: (topic, field) -> (N,)."""
 SURE = 2.0  # a fit that is more than its last word
 AS_GOOD = 0.05  # fits that differ by less are a tie
 SWITCHES = frozenset({"safety", "enable", "enabled", "armed", "estop", "deadman", "engaged"})
@@ -99,237 +100,201 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
 
     Raises UsageError where what is given cannot be.
     """
-    topics = [topic for topic in topics if topic.count and not topic.fault]
+    sound = [topic for topic in topics if topic.count and not topic.fault]
     made = Guess(system, {"system": system.recorded_as or system.name, "rate": "source"})
     made.raw |= {"model": system.model} if system.model is not None else {}
-    _check_given(given, system)
-    state: dict[str, Any] = {}
-    action: dict[str, Any] = {}
-    used: set[tuple[str, str]] = set()
+    guesser = _Guesser(made, sound, given)
+    guesser.check_given()
     if system.is_vehicle and not any(name in given for name in VEHICLE):
-        state = _pose(made, topics, given.get(POSE), used)
+        guesser.take_pose()
     beside = made.taken.get(POSE, "").rpartition(":")[2]
-    clock = clock_of(topics, given.get(TIME), given.get("dt"), values, beside)
-    used |= clock.used
-    for channel in system.state if not state else ():
-        _state_channel(made, state, channel, topics, given, used)
+    clock = clock_of(sound, given.get(TIME), given.get("dt"), values, beside)
+    guesser.used |= clock.used
+    for channel in system.state if not guesser.state else ():
+        guesser.measure(channel)
     for channel in system.action:
-        _action_channel(made, action, channel, topics, given, used)
-    made.switch = _switch(topics)
-    made.raw |= {"state": state, "action": action}
-    _add_clock(made, clock, topics)
+        guesser.command(channel)
+    made.switch = guesser.switch()
+    made.raw |= {"state": guesser.state, "action": guesser.action}
+    guesser.add_clock(clock)
     return made
 
 
-def _switch(topics: Sequence[Topic]) -> tuple[str, str] | None:
-    """What may say when the motors were on: a command is obeyed only then."""
-    for source in sources_of(topics):
-        name = _called(source, topics)
-        if SWITCHES & set(words_of(name)):
-            at = [] if source.alone else [f"episodes.topic={source.topic}"]
-            words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
-            return short(source, topics), " ".join(shlex.quote(word) for word in words)
-    return None
+_ACTIONS = {
+    "N": "force", "N m": "torque", "m/s": "speed_command", "rad/s": "turn_command", "rad": "steering_command",
+}  # fmt: skip
 
 
-def _check_given(given: Mapping[str, str], system: System) -> None:
-    known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] if system.is_vehicle else [])]
-    for name in given:
-        if name not in known:
-            raise UsageError(
-                f"{name}={given[name]}: no channel of {system.name}; there are: {', '.join(known)}"
-            )
+@dataclass
+class _Guesser:
+    """A guess in the making. used: (topic, field) that are a channel's already."""
 
+    made: Guess
+    topics: Sequence[Topic]
+    given: Mapping[str, str]
+    state: dict[str, Any] = field(default_factory=dict)
+    action: dict[str, Any] = field(default_factory=dict)
+    used: set[tuple[str, str]] = field(default_factory=set)
 
-def _pose(
-    made: Guess, topics: Sequence[Topic], given: str | None, used: set[tuple[str, str]]
-) -> dict[str, Any]:
-    """The pose's three channels; empty where no topic has one."""
-    poses = poses_of(topics)
-    if given is not None:
-        chosen = fitting_pose(given, poses)
-    elif not poses:
-        return {}
-    else:
-        chosen = poses[0]
-        if len(poses) > 1:
-            made.unclear[POSE] = [pose.name for pose in poses]
-    used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
-    made.typed &= not chosen.prefix
-    made.taken[POSE] = chosen.name
-    made.fit += EXACT * len(VEHICLE)
-    if chosen.rate:
-        made.raw |= {"rate": min(50, max(1, round(chosen.rate)))}
-    return chosen.entries()
+    def switch(self) -> tuple[str, str] | None:
+        """What may say when the motors were on: a command is obeyed only then."""
+        for source in sources_of(self.topics):
+            if SWITCHES & set(words_of(self._called(source))):
+                at = [] if source.alone else [f"episodes.topic={source.topic}"]
+                words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
+                return short(source, self.topics), " ".join(shlex.quote(word) for word in words)
+        return None
 
+    def check_given(self) -> None:
+        """Refuse a word for what the system does not have."""
+        system = self.made.system
+        known = [
+            *system.state.names,
+            *system.action.names,
+            TIME,
+            "dt",
+            *([POSE] if system.is_vehicle else []),
+        ]
+        for name, source in self.given.items():
+            if name not in known:
+                raise UsageError(
+                    f"{name}={source}: no channel of {system.name}; there are: {', '.join(known)}"
+                )
 
-def _state_channel(
-    made: Guess,
-    state: dict[str, Any],
-    channel: Channel,
-    topics: Sequence[Topic],
-    given: Mapping[str, str],
-    used: set[tuple[str, str]],
-) -> None:
-    name, of = channel.name, made.system.velocities.get(channel.name)
-    if given.get(name) == NOTHING and (of is not None or name in made.system.optional):
-        return
-    if name in given:
-        _take(made, state, channel, read_source(name, given[name], topics), topics, used)
-        return
-    if _take_typed(made, state, channel, measured_joint(name, of, topics), topics, used):
-        return
-    words = _state_words(channel, None if of is None else made.taken.get(of, ""))
-    if _best(made, state, channel, topics, words, NO_STATE, used):
-        return
-    if of is not None and of in state and name not in made.system.optional:
-        state[name] = {"derivative_of": of, "unit": channel.unit}
-        made.remarks.append(f"{name} is differentiated from {of}")
-    elif of not in made.missing and name not in made.system.optional:
-        made.missing[name] = _unused(topics, used)
+    def take_pose(self) -> None:
+        """Take the pose's three channels, where a topic has one."""
+        made, poses = self.made, poses_of(self.topics)
+        if POSE in self.given:
+            chosen = fitting_pose(self.given[POSE], poses)
+        elif not poses:
+            return
+        else:
+            chosen = poses[0]
+            if len(poses) > 1:
+                made.unclear[POSE] = [pose.name for pose in poses]
+        self.used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
+        made.typed &= not chosen.prefix
+        made.taken[POSE] = chosen.name
+        made.fit += EXACT * len(VEHICLE)
+        if chosen.rate:
+            made.raw |= {"rate": min(50, max(1, round(chosen.rate)))}
+        self.state |= chosen.entries()
+
+    def measure(self, channel: Channel) -> None:
+        """Find the source of a channel of the state."""
+        made, name = self.made, channel.name
+        of, optional = made.system.velocities.get(name), name in made.system.optional
+        if self.given.get(name) == NOTHING and (of is not None or optional):
+            return
+        words = _state_words(channel, None if of is None else made.taken.get(of, ""))
+        typed = measured_joint(name, of, self.topics)
+        if self._found(self.state, channel, typed, words, NO_STATE):
+            return
+        if of is not None and of in self.state and not optional:
+            self.state[name] = {"derivative_of": of, "unit": channel.unit}
+            made.remarks.append(f"{name} is differentiated from {of}")
+        elif of not in made.missing and not optional:
+            made.missing[name] = self._unused(NO_STATE)
+
+    def command(self, channel: Channel) -> None:
+        """Find the source of an action."""
+        made, name = self.made, channel.name
+        if self.given.get(name) == NOTHING:
+            made.taken[name] = NOTHING
+            return
+        typed = command_of(name, self.topics)
+        typed = typed or joint_command(name, channel.unit, made.system.drives.get(name), self.topics)
+        words = WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input"))
+        if not self._found(self.action, channel, typed, words, NO_ACTION):
+            made.missing[name] = self._unused(NO_ACTION)
+
+    def _found(
+        self,
+        entries: dict[str, Any],
+        channel: Channel,
+        typed: Sequence[Source],
+        words: Sequence[str],
+        never: frozenset[str],
+    ) -> bool:
+        """Take what is given, else what the type of a message tells, else the name that fits best, if one does."""
+        name = channel.name
+        if name in self.given:
+            self._take(entries, channel, read_source(name, self.given[name], self.topics))
+            return True
+        if not typed:
+            return self._best(entries, channel, words, never)
+        self._take(entries, channel, typed[0])
+        self.made.fit += EXACT
+        if len(typed) > 1:
+            self.made.unclear[name] = [short(source, self.topics) for source in typed]
+        return True
+
+    def _unused(self, never: frozenset[str]) -> list[str]:
+        """What might be a channel's: sources that are nobody's, those that a name speaks against at the end."""
+        free = [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
+        free.sort(key=lambda source: bool(never & set(words_of(self._called(source)))))
+        return [short(source, self.topics) for source in free]
+
+    def _best(
+        self, entries: dict[str, Any], channel: Channel, words: Sequence[str], never: frozenset[str]
+    ) -> bool:
+        fits = [
+            (likeness(self._called(source), channel.name, words, never), source)
+            for source in sources_of(self.topics)
+            if (source.topic, source.field) not in self.used
+        ]
+        best = max((fit for fit, _ in fits), default=0.0)
+        if best <= 0.0 or (best < SURE and channel in self.made.system.action):
+            return False  # another's command would do, and say something else
+        as_good = [source for fit, source in fits if fit > best - AS_GOOD]
+        if len(as_good) > 1:
+            self.made.unclear[channel.name] = [short(source, self.topics) for source in as_good]
+        elif best < SURE:
+            others = [
+                short(s, self.topics) for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0
+            ]
+            self.made.unclear[channel.name] = others
+        self.made.typed = False
+        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
+        self._take(entries, channel, replace(as_good[0], scale=factor))
+        self.made.fit += best
+        return True
+
+    def _called(self, source: Source) -> str:
+        """A scalar message is called as its topic; a field is as what it holds."""
+        name = short(source, self.topics)
+        return name if name != source.typed else source.field
+
+    def _take(self, entries: dict[str, Any], channel: Channel, source: Source) -> None:
+        entries[channel.name] = source.entry(channel.unit, channel.wraps or channel.name == "yaw")
+        self.used.add((source.topic, source.field))
+        factor = "" if source.scale == 1.0 else "-" if source.scale == -1.0 else f"{source.scale:.6g}*"
+        self.made.taken[channel.name] = f"{factor}{short(source, self.topics)}"
+
+    def add_clock(self, clock: Clock) -> None:
+        """How the tables tell the time; a bag's topics have stamps."""
+        made = self.made
+        made.raw |= clock.raw
+        made.remarks += clock.remarks
+        if clock.missing:
+            made.missing[TIME] = [source.typed for source in sources_of(self.topics)]
+        if clock.unclear:
+            made.unclear[TIME] = clock.unclear
+        if clock.taken and (clock.unclear or not clock.plain):
+            made.taken[clock.taken[0]] = clock.taken[1]
+        if len(self.topics) == 1 and "episode" in (*self.topics[0].fields, *self.topics[0].texts):
+            made.raw["episodes"] = {"by": "column", "field": "episode"}
 
 
 def _state_words(channel: Channel, position: str | None) -> tuple[str, ...]:
     """What the state may be called; position: the column of what it is the velocity of, None where it is none."""
+    name, unit = channel.name, channel.unit
     if position is not None:
-        kind = "angular_velocity" if channel.unit.startswith("rad") else "velocity"
+        kind = "angular_velocity" if unit.startswith("rad") else "velocity"
         column = position.rpartition(":")[2].lstrip("-").rpartition("*")[2]
         return (*rate_words(column), *WORDS[kind])
-    if channel.name in ("yaw", "x", "y"):
-        return WORDS["heading"] if channel.name == "yaw" else (*WORDS[channel.name], *_cart(channel.name))
-    if channel.unit == "rad":
+    if name in ("yaw", "x", "y"):
+        return (*WORDS["heading" if name == "yaw" else name], *(WORDS["position"] if name == "x" else ()))
+    if unit == "rad":
         return WORDS["angle"]
-    return WORDS["position"] if channel.unit == "m" else (channel.name, "y", "output")
-
-
-def _cart(name: str) -> tuple[str, ...]:
-    return WORDS["position"] if name == "x" else ()
-
-
-_ACTIONS = {
-    "N": "force",
-    "N m": "torque",
-    "m/s": "speed_command",
-    "rad/s": "turn_command",
-    "rad": "steering_command",
-}
-
-
-def _action_channel(
-    made: Guess,
-    action: dict[str, Any],
-    channel: Channel,
-    topics: Sequence[Topic],
-    given: Mapping[str, str],
-    used: set[tuple[str, str]],
-) -> None:
-    name = channel.name
-    if given.get(name) == NOTHING:
-        made.taken[name] = NOTHING
-        return
-    if name in given:
-        _take(made, action, channel, read_source(name, given[name], topics), topics, used)
-        return
-    typed = command_of(name, topics)
-    typed = typed or joint_command(name, channel.unit, made.system.drives.get(name), topics)
-    if _take_typed(made, action, channel, typed, topics, used):
-        return
-    words = WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input"))
-    if not _best(made, action, channel, topics, words, NO_ACTION, used):
-        made.missing[name] = _unused(topics, used, never=NO_ACTION)
-
-
-def _take_typed(
-    made: Guess,
-    entries: dict[str, Any],
-    channel: Channel,
-    typed: Sequence[Source],
-    topics: Sequence[Topic],
-    used: set[tuple[str, str]],
-) -> bool:
-    """Take the first of the sources that the type of a message tells, if there is one."""
-    if not typed:
-        return False
-    _take(made, entries, channel, typed[0], topics, used)
-    made.fit += EXACT
-    if len(typed) > 1:
-        made.unclear[channel.name] = [short(source, topics) for source in typed]
-    return True
-
-
-def _unused(
-    topics: Sequence[Topic], used: set[tuple[str, str]], never: frozenset[str] = NO_STATE
-) -> list[str]:
-    """What might be a channel's: sources that are nobody's, those that a name speaks against at the end."""
-    free = [s for s in sources_of(topics) if (s.topic, s.field) not in used]
-    against = [bool(never & set(words_of(_called(s, topics)))) for s in free]
-    kept = sorted(zip(against, range(len(free)), strict=True))
-    return [short(free[i], topics) for _, i in kept]
-
-
-def _best(
-    made: Guess,
-    entries: dict[str, Any],
-    channel: Channel,
-    topics: Sequence[Topic],
-    words: Sequence[str],
-    never: frozenset[str],
-    used: set[tuple[str, str]],
-) -> bool:
-    """Take the source that fits best, if one does."""
-    fits = [
-        (likeness(_called(source, topics), channel.name, words, never), source)
-        for source in sources_of(topics)
-        if (source.topic, source.field) not in used
-    ]
-    best = max((fit for fit, _ in fits), default=0.0)
-    if best <= 0.0:
-        return False
-    as_good = [source for fit, source in fits if fit > best - AS_GOOD]
-    if best < SURE and channel in made.system.action:
-        return False  # another's command would do, and say something else
-    if len(as_good) > 1:
-        made.unclear[channel.name] = [short(source, topics) for source in as_good]
-    elif best < SURE:
-        others = [short(s, topics) for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0]
-        made.unclear[channel.name] = others
-    made.typed = False
-    chosen = as_good[0]
-    factor = FACTORS.get(unit_of(chosen.field).removesuffix("/s"), 1.0)
-    _take(made, entries, channel, Source(chosen.topic, chosen.field, factor, chosen.alone), topics, used)
-    made.fit += best
-    return True
-
-
-def _called(source: Source, topics: Sequence[Topic]) -> str:
-    """A scalar message is called as its topic; a field is as what it holds."""
-    name = short(source, topics)
-    return name if name != source.typed else source.field
-
-
-def _take(
-    made: Guess,
-    entries: dict[str, Any],
-    channel: Channel,
-    source: Source,
-    topics: Sequence[Topic],
-    used: set[tuple[str, str]],
-) -> None:
-    entries[channel.name] = source.entry(channel.unit, channel.wraps or channel.name == "yaw")
-    used.add((source.topic, source.field))
-    factor = "" if source.scale == 1.0 else "-" if source.scale == -1.0 else f"{source.scale:.6g}*"
-    made.taken[channel.name] = f"{factor}{short(source, topics)}"
-
-
-def _add_clock(made: Guess, clock: Clock, topics: Sequence[Topic]) -> None:
-    """How the tables tell the time; a bag's topics have stamps."""
-    made.raw |= clock.raw
-    made.remarks += clock.remarks
-    if clock.missing:
-        made.missing[TIME] = [source.typed for source in sources_of(topics)]
-    if clock.unclear:
-        made.unclear[TIME] = clock.unclear
-    if clock.taken and (clock.unclear or not clock.plain):
-        made.taken[clock.taken[0]] = clock.taken[1]
-    if "episode" in {name for topic in topics for name in (*topic.fields, *topic.texts)} and len(topics) == 1:
-        made.raw["episodes"] = {"by": "column", "field": "episode"}
+    return WORDS["position"] if unit == "m" else (name, "y", "output")

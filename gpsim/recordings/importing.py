@@ -13,8 +13,8 @@ from gpsim.recordings import import_notes, lags
 from gpsim.recordings.assembling import Assembled, assemble
 from gpsim.recordings.clock import Lag
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.guessing_time import unit_hint
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
+from gpsim.recordings.likeness import UNITS, likely_unit
 from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.recording import Episode, Recording
 from gpsim.recordings.soundness import unmarked_wraps
@@ -167,8 +167,26 @@ def _nothing_left(built: Sequence[Assembled], parts: Sequence[Part]) -> str:
                 reasons[f"{count.name}: {reason}"] = reasons.get(f"{count.name}: {reason}", 0) + number
     worst = sorted(reasons.items(), key=lambda item: -item[1])[:3]
     why = "; ".join(f"{number} rows of {reason}" for reason, number in worst) or "the topics are empty"
-    hint = unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
+    hint = _unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
     return f"no episode is left ({why}); {hint}"
+
+
+def _unit_hint(parts: Sequence[Part]) -> str:
+    """What to write where no episode is left because the time column is in another unit; empty where it is not."""
+    for part in parts:
+        time = part.mapping.time
+        if time is None or time.field is None or time.scale != 1.0:
+            continue
+        for track in part.tracks.values():
+            step = float(np.median(np.diff(track.t))) if len(track.t) > 1 else 0.0
+            unit = likely_unit(track.t + part.epoch, step)
+            if unit is not None:
+                return (
+                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
+                    f"time: {{field: {time.field}, scale: {UNITS[unit]:.0e}}} in the mapping, or time.scale="
+                    f"{UNITS[unit]:.0e} behind the command; if it is in seconds, raise gap_limit above {step:g}"
+                )
+    return ""
 
 
 def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: bool) -> Recording:

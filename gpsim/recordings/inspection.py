@@ -12,6 +12,8 @@ import yaml
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings.files import alike
+from gpsim.recordings.guessing_parts import COMMANDS, POSES, pose_of
+from gpsim.recordings.likeness import Source
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 from gpsim.recordings.sources import NamedLog
@@ -20,24 +22,9 @@ READINGS = 64  # of a log, to find out which of its topics cannot be read
 GAP = 5.0  # a step of this many usual steps is a gap
 System = tuple[Channels, Channels]
 """The state and action channels of a simulator."""
-POSES = {
-    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
-    "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
-    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
-    "geometry_msgs/msg/Pose": ("position", "orientation"),
+_LOOSE = {f"std_msgs/msg/{kind}" for kind in ("Float32", "Float64", "Float32MultiArray")} | {
+    "sensor_msgs/msg/Joy"
 }
-TWISTS = {"geometry_msgs/msg/Twist": "", "geometry_msgs/msg/TwistStamped": "twist."}
-ACKERMANN = {
-    "ackermann_msgs/msg/AckermannDrive": "",
-    "ackermann_msgs/msg/AckermannDriveStamped": "drive.",
-}
-_LOOSE = (
-    "std_msgs/msg/Float32",
-    "std_msgs/msg/Float64",
-    "std_msgs/msg/Float32MultiArray",
-    "sensor_msgs/msg/Joy",
-)
 _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
 
 
@@ -107,7 +94,7 @@ def _telling(topic: Topic) -> str:
 def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     """A mapping to start from, as YAML; what could not be told is marked by a comment."""
     pose = _first(topics, POSES)
-    command = _first(topics, {**ACKERMANN, **TWISTS})
+    command = _first(topics, COMMANDS)
     if pose is not None:
         raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
     elif len(topics) == 1:
@@ -135,27 +122,15 @@ def _first(topics: tuple[Topic, ...], known: Mapping[str, Any]) -> Topic | None:
 
 
 def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
-    position, orientation = POSES[pose.type]
-    state: dict[str, Any] = {
-        axis: {"topic": pose.name, "field": f"{position}.{axis}", "unit": "m"} for axis in ("x", "y")
+    prefix, ends = COMMANDS[command.type] if command is not None else ("", {})
+    units = {"v_cmd": "m/s", "w_cmd": "rad/s", "steering": "rad"}
+    action = {
+        name: Source(command.name, f"{prefix}{end}").entry(units[name])
+        for name, end in ends.items()
+        if command is not None
     }
-    state["yaw"] = {
-        "topic": pose.name,
-        "quaternion": orientation,
-        "angle": "yaw",
-        "unit": "rad",
-        "wraps": True,
-    }
-    action: dict[str, Any] = {}
-    system = "unicycle"
-    if command is not None and command.type in ACKERMANN:
-        system, prefix = "ackermann", ACKERMANN[command.type]
-        action["v_cmd"] = {"topic": command.name, "field": f"{prefix}speed", "unit": "m/s"}
-        action["steering"] = {"topic": command.name, "field": f"{prefix}steering_angle", "unit": "rad"}
-    elif command is not None:
-        prefix = TWISTS[command.type]
-        action["v_cmd"] = {"topic": command.name, "field": f"{prefix}linear.x", "unit": "m/s"}
-        action["w_cmd"] = {"topic": command.name, "field": f"{prefix}angular.z", "unit": "rad/s"}
+    system = "ackermann" if "steering" in ends else "unicycle"
+    state = pose_of(pose, alone=False).entries()
     return {"system": system, "rate": 50, "gap_limit": 0.5, "state": state, "action": action}
 
 

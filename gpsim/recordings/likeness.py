@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.raw import Topic
 from gpsim.recordings.values import one_line
@@ -219,3 +222,29 @@ def listed(names: Sequence[str]) -> str:
     """Names in a line, not too many."""
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return ", ".join(one_line(name, 60) for name in names[:_SHOWN]) + more
+
+
+UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+_YEARS = (3e8, 1e10)  # s after 1970 in which clocks of today count: 1979 to 2286
+_USUAL = 0.02  # s; a usual step of logs of what moves: a hundredth and a hundred times of it are usual, too
+
+
+def dated(t: FloatArray) -> str | None:
+    """The unit that times after 1970 tell by their size alone, if it is not seconds."""
+    size = float(np.median(np.abs(t[np.isfinite(t)]))) if np.isfinite(t).any() else 0.0
+    return next(
+        (n for n, scale in UNITS.items() if size > _YEARS[1] and _YEARS[0] <= size * scale <= _YEARS[1]), None
+    )
+
+
+def likely_unit(t: FloatArray, step: float) -> str | None:
+    """The unit that a time column (N,) with this usual step looks to be in; None where seconds are as likely.
+
+    A date tells it; else a step that is 1 or more as seconds, and that of a log of something that moves in the unit.
+    (A step of 20 may be 20 ms: the caller knows what speaks for it.)
+    """
+    if dated(t) is not None or step < 1.0:
+        return dated(t)
+    away = {name: abs(np.log10(step * scale / _USUAL)) for name, scale in UNITS.items()}
+    nearest = min(away, key=lambda name: away[name])
+    return nearest if away[nearest] <= 2.0 else None
