@@ -1,18 +1,12 @@
-"""MCAP files, walked record by record, one chunk in memory at a time; chunk checksums are verified where they exist.
-
-rosbags' own reader cannot open a file that was cut off, and decompresses whatever a chunk turns out to hold.
-"""
+"""MCAP files, walked record by record, one chunk in memory at a time; chunk checksums are verified where they exist."""
 
 from __future__ import annotations
 
 import struct
-import zlib
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 
-from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, expand, regular_file, wrong_kind
+from gpsim.recordings.readers.chunked import Catalogue, Chunked, Head
+from gpsim.recordings.readers.damage import DamageError, Ledger
 from gpsim.recordings.readers.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -25,139 +19,70 @@ from gpsim.recordings.readers.mcap_records import (
     SCHEMA,
     Content,
     Record,
-    Schema,
     content,
     next_record,
     read_record,
     read_summary,
-    schema_of,
-    stream_of,
+    take,
 )
-from gpsim.recordings.readers.source import LATEST, Budget, Message, Source, Stream
+from gpsim.recordings.readers.source import LATEST, Budget, Message, Source
 
 _FAST = struct.Struct("<BQHIQQ")
 _HEAD = 9
 
 
-@dataclass
-class _Walk:
-    """Channels and schemas met so far on one way through the file."""
+class Mcap(Chunked[Record]):
+    """One .mcap file."""
 
-    found: Catalogue = field(default_factory=Catalogue)
-    schemas: dict[int, Schema] = field(default_factory=dict)
+    magic = MAGIC
+    kind = ("an MCAP file", "it does not begin with the MCAP mark")
+    index_name = "summary"
+    chunk_op = CHUNK
 
-    def take(self, op: int, parts: Content) -> None:
-        if op == SCHEMA:
-            identity, schema = schema_of(parts)
-            self.schemas[identity] = schema
-        elif op == CHANNEL:
-            self.found.add(stream_of(parts, self.schemas))
+    def read_index(self, source: Source) -> Catalogue | None:
+        """What the summary says."""
+        return read_summary(source)
 
+    def read_record(self, source: Source, position: int) -> Record:
+        """The record at a place."""
+        return read_record(source, position)
 
-@dataclass
-class Mcap:
-    """One .mcap file. `where` is the record being read."""
+    def next_record(self, source: Source, start: int, found: Catalogue) -> int | None:
+        """Where the next message or chunk begins."""
+        return next_record(source, start, found.streams, chunks=True)
 
-    path: Path
-    where: str = "byte 0"
-    distro: str | None = None
-    _held: dict[int, frozenset[int]] = field(default_factory=dict)
+    def is_last(self, record: Record) -> bool:
+        """Whether it is the footer."""
+        return record.op == FOOTER
 
-    def __post_init__(self) -> None:
-        self.size = regular_file(self.path)
+    def behind(self, source: Source, head: Head, found: Catalogue) -> int | None:
+        """What is not compressed holds messages, which are no way out of the chunk."""
+        return None if head.method == "none" else super().behind(source, head, found)
 
-    def streams(self, ledger: Ledger) -> Sequence[Stream]:
-        """From the summary; without one, from a walk through the file."""
-        with self.path.open("rb") as file:
-            source = Source(file, self.size)
-            if source.read(0, min(len(MAGIC), self.size)) != MAGIC:
-                raise wrong_kind(self.path, "an MCAP file", "it does not begin with the MCAP mark")
-            try:
-                summary = read_summary(source)
-            except DamageError as error:
-                ledger.lost(error.reason, "summary")
-                summary = None
-        if summary is not None:
-            self._held = summary.chunks
-            streams = summary.result()
-            faults = [stream.fault for stream in streams if stream.fault]
-            if not (faults and ledger.salvage):
-                return streams
-            ledger.lost(faults[0], "summary")  # the chunks hold the same descriptions once more
-        walk = _Walk()
-        for channel, stamp, _ in self._walk(walk, ledger.silent()):
-            walk.found.tally(channel).add(1, stamp, stamp)
-        return walk.found.result()
-
-    def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
-        """Messages of the wanted channels in file order."""
-        chosen = frozenset(wanted)
-        return (message for message in self._walk(_Walk(), ledger, chosen) if message[0] in chosen)
-
-    def _walk(self, walk: _Walk, ledger: Ledger, wanted: frozenset[int] | None = None) -> Iterator[Message]:
-        """Damage of a chunk that holds nothing wanted, as the summary says, is nobody's loss."""
-        budget = Budget(self.path, self.size)
-        return budget.messages(self._steps(walk, ledger, wanted, budget))
-
-    def _steps(
-        self, walk: _Walk, ledger: Ledger, wanted: frozenset[int] | None, budget: Budget
-    ) -> Iterator[Message]:
-        quiet = ledger.silent()
-        with self.path.open("rb") as file:
-            source = Source(file, self.size)
-            position: int | None = len(MAGIC)
-            while position is not None and position < self.size and not ledger.exhausted:
-                self.where = f"byte {position}"
-                held = self._held.get(position)
-                own = quiet if wanted is not None and held is not None and not held & wanted else ledger
-                try:
-                    record = read_record(source, position)
-                    if record.op == FOOTER:
-                        return
-                    if record.op == CHUNK:
-                        chunk, position = self._chunk(source, record, walk, own)
-                        budget.chunk(len(chunk))
-                        yield from self._in_chunk(chunk, walk, own, budget)
-                        continue
-                    if record.end > self.size:
-                        raise DamageError(
-                            f"the file ends at byte {self.size}, inside a record of {record.size} bytes"
-                        )
-                    if record.op == MESSAGE:
-                        yield _message(content(source, record))
-                    elif record.op in (SCHEMA, CHANNEL):
-                        walk.take(record.op, content(source, record))
-                    elif not record.size:
-                        budget.empty()
-                    position = record.end
-                except DamageError as error:
-                    own.lost(error.reason, self.where)
-                    position = next_record(source, position + 1, walk.found.streams, chunks=True)
-
-    def _chunk(self, source: Source, record: Record, walk: _Walk, ledger: Ledger) -> tuple[bytes, int]:
-        """(a chunk's records, as much of them as can be had; where the walk goes on)."""
+    def head(self, source: Source, record: Record) -> Head:
+        """A chunk's head."""
         front = Content(
             source.read(record.start, min(CHUNK_HEAD.size + 64, record.size, self.size - record.start))
         )
         _, _, size, checksum = CHUNK_HEAD.unpack(front.take(CHUNK_HEAD.size))
         method, stored = front.text(), front.u64()
-        begin, end = record.start + front.position, record.end
-        if method not in COMPRESSIONS or begin + stored != end:
+        begin = record.start + front.position
+        if method not in COMPRESSIONS or begin + stored != record.end:
             raise DamageError(f"a chunk's head is damaged (compression {method[:8]!r}, {stored} bytes)")
-        if end > self.size:
-            ledger.lost(f"the file ends at byte {self.size}, inside a chunk of {stored} bytes", self.where)
-            following = next_record(source, begin, walk.found.streams, chunks=True) if method else None
-            end = following or self.size
-        if end - begin > MAX_CHUNK:
-            raise DamageError(f"a chunk declares {stored} bytes; the limit is {MAX_CHUNK}")
-        data, reason = expand(source.read(begin, end - begin), COMPRESSIONS[method], size)
-        if reason is None and checksum and zlib.crc32(data) != checksum:
-            reason = "a chunk's checksum does not match: some of its messages are wrong"
-        if reason is not None:
-            ledger.lost(reason, self.where)
-        return data, end
+        return Head(begin, stored, COMPRESSIONS[method], size, checksum)
 
-    def _in_chunk(self, chunk: bytes, walk: _Walk, ledger: Ledger, budget: Budget) -> Iterator[Message]:
+    def outside(self, source: Source, record: Record, found: Catalogue, budget: Budget) -> Iterable[Message]:
+        """A message; schemas and channels are noted."""
+        if record.op == MESSAGE:
+            return (_message(content(source, record)),)
+        if record.op in (SCHEMA, CHANNEL):
+            take(record.op, content(source, record), found)
+        elif not record.size:
+            budget.empty()
+        return ()
+
+    def in_chunk(self, chunk: bytes, found: Catalogue, ledger: Ledger, budget: Budget) -> Iterator[Message]:
+        """The messages of a chunk."""
         position: int | None = 0
         unpack, front, end = _FAST.unpack_from, _FAST.size, len(chunk)
         while position is not None and position < end and not ledger.exhausted:
@@ -169,9 +94,9 @@ class Mcap:
                     position = after
                     continue
             budget.record()
-            position = self._other(chunk, position, walk, ledger)
+            position = self._other(chunk, position, found, ledger)
 
-    def _other(self, chunk: bytes, position: int, walk: _Walk, ledger: Ledger) -> int | None:
+    def _other(self, chunk: bytes, position: int, found: Catalogue, ledger: Ledger) -> int | None:
         """Anything but a sound message: take schemas and channels, skip the rest, find the way behind damage."""
         source = Source(chunk, len(chunk))
         try:
@@ -180,11 +105,11 @@ class Mcap:
                 raise DamageError(f"a record reaches {record.end - len(chunk)} bytes beyond its chunk")
             if record.op == MESSAGE:
                 _message(content(source, record))
-            walk.take(record.op, content(source, record))
+            take(record.op, content(source, record), found)
             return record.end
         except DamageError as error:
             ledger.lost(error.reason, f"{self.where}, byte {position} of the chunk")
-            return next_record(source, position + 1, walk.found.streams, chunks=False)
+            return next_record(source, position + 1, found.streams, chunks=False)
 
 
 def _message(parts: Content) -> Message:

@@ -6,11 +6,11 @@ import re
 import struct
 import zlib
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.recordings.readers.catalogue import Catalogue
+from gpsim.recordings.readers.chunked import Catalogue
 from gpsim.recordings.readers.damage import MAX_CHUNK, MAX_DEFINITION, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import LATEST, DefinitionFormat, Source, Stream, topic_name
 
@@ -182,16 +182,6 @@ _FOOTER_SIZE = 9 + 20 + len(MAGIC)
 _TIMES = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
-@dataclass
-class Summary:
-    """What the summary section holds."""
-
-    found: Catalogue = field(default_factory=Catalogue)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
-    chunks: int = 0
-
-
 def read_summary(source: Source) -> Catalogue | None:
     """Streams with counts and times; None where a sound file has no summary. DamageError where it is not sound."""
     tail = source.read(max(0, source.size - _FOOTER_SIZE), min(_FOOTER_SIZE, source.size))
@@ -208,46 +198,44 @@ def read_summary(source: Source) -> Catalogue | None:
         raise DamageError(f"the footer places the summary at byte {start}")
     if checksum and zlib.crc32(source.read(start, footer + 25 - start)) != checksum:
         raise DamageError("the summary's checksum does not match")
-    summary = Summary()
-    position = start
+    found, counts, chunks, position = Catalogue(), dict[int, int](), 0, start
     while position < footer:
         record = read_record(source, position)
-        _take(source, record.op, content(source, record), summary)
+        parts = content(source, record)
+        take(record.op, parts, found)
+        if record.op == CHUNK_INDEX:
+            chunks += 1
+            _take_chunk_index(source, parts, found)
+        elif record.op == STATISTICS:
+            counts = _counts(parts)
         position = record.end
-    if not summary.chunks:
+    if not chunks or (not found.streams and any(counts.values())):
         return None  # messages outside chunks have no index, so nothing tells when they came
-    return _result(summary)
-
-
-def _result(summary: Summary) -> Catalogue | None:
-    found = summary.found
-    if summary.counts is not None:
-        if not found.streams and any(summary.counts.values()):
-            return None
-        unknown = sorted(set(summary.counts) - set(found.streams))
-        if unknown:
-            raise DamageError(f"the summary counts messages of channel {unknown[0]}, which it does not list")
-        for channel, count in summary.counts.items():
-            found.tally(channel).count = count
+    unknown = sorted(set(counts) - set(found.streams))
+    if unknown:
+        raise DamageError(f"the summary counts messages of channel {unknown[0]}, which it does not list")
+    for channel, count in counts.items():
+        found.tally(channel).count = count
     return found
 
 
-def _take(source: Source, op: int, parts: Content, summary: Summary) -> None:
+def take(op: int, parts: Content, found: Catalogue) -> None:
+    """Note a schema or a channel; other records are none of its affair."""
     if op == SCHEMA:
         identity, schema = schema_of(parts)
-        summary.schemas[identity] = schema
+        found.schemas[identity] = schema
     elif op == CHANNEL:
-        summary.found.add(stream_of(parts, summary.schemas))
-    elif op == CHUNK_INDEX:
-        summary.chunks += 1
-        _take_chunk_index(source, parts, summary.found)
-    elif op == STATISTICS:
-        parts.take(42)
-        pairs = Content(parts.blob())
-        summary.counts = {}
-        while pairs.position < len(pairs.data):
-            channel = pairs.u16()
-            summary.counts[channel] = pairs.u64()
+        found.add(stream_of(parts, found.schemas))
+
+
+def _counts(parts: Content) -> dict[int, int]:
+    """Messages by channel, of a record of statistics."""
+    parts.take(42)
+    pairs, counts = Content(parts.blob()), dict[int, int]()
+    while pairs.position < len(pairs.data):
+        channel = pairs.u16()
+        counts[channel] = pairs.u64()
+    return counts
 
 
 def _take_chunk_index(source: Source, parts: Content, found: Catalogue) -> None:

@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsim.recordings.readers.catalogue import Catalogue
+from gpsim.recordings.readers.chunked import Catalogue
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
     DamageError,
