@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,68 +105,6 @@ def bursts(t: FloatArray) -> IntArray:
 def _count(table: dict[str, int], reason: str, number: int) -> None:
     if number:
         table[reason] = table.get(reason, 0) + number
-
-
-@dataclass(frozen=True)
-class Lag:
-    """How much later a response moves than its command: lag [s] at the peak of their correlation (-1..1)."""
-
-    command: str
-    response: str
-    lag: float
-    correlation: float
-    within: float
-
-    @property
-    def usable(self) -> bool:
-        """A clear peak inside the searched range; otherwise the lag means nothing."""
-        return abs(self.correlation) >= 0.5 and abs(self.lag) < self.within
-
-
-def estimate_lag(
-    names: tuple[str, str],
-    pieces: Sequence[tuple[FloatArray, FloatArray]],
-    step: float,
-    within: float = 1.0,
-) -> Lag:
-    """Cross-correlate command and response over episodes; the peak is refined by a parabola.
-
-    names: command, response. pieces: per episode (command, response), each (N,) on an even grid of `step`.
-    The lag holds the system's own delay and inertia as well as any offset between the clocks: it is an
-    upper bound of the latter, to be shown, not believed.
-    """
-    reach = max(1, round(within / step))
-    covariance = np.zeros(2 * reach + 1)
-    power = np.zeros((2, 2 * reach + 1))
-    means = [np.mean(np.concatenate([piece[i] for piece in pieces])) for i in (0, 1)]
-    for command, response in pieces:
-        u, r = command - means[0], response - means[1]
-        covariance += _correlation(r, u, reach)
-        power[0] += _correlation(np.ones_like(r), u * u, reach)
-        power[1] += _correlation(r * r, np.ones_like(u), reach)
-    scale = np.sqrt(np.clip(power[0], 0.0, None) * np.clip(power[1], 0.0, None))
-    curve = np.divide(
-        covariance, scale, out=np.zeros_like(scale), where=scale > 1e-12 * (scale.max() + 1e-300)
-    )
-    peak = int(np.argmax(np.abs(curve)))
-    shift = 0.0
-    if 0 < peak < 2 * reach:
-        left, top, right = curve[peak - 1 : peak + 2]
-        bend = left - 2.0 * top + right
-        shift = float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5)) if bend != 0 else 0.0
-    return Lag(*names, lag=(peak - reach + shift) * step, correlation=float(curve[peak]), within=reach * step)
-
-
-def _correlation(later: FloatArray, earlier: FloatArray, reach: int) -> FloatArray:
-    """sum_i later[i + k] earlier[i] for k = -reach..reach."""
-    from scipy.signal import correlate  # here: half a second that most commands need not wait for
-
-    full = correlate(later, earlier, mode="full", method="fft")
-    centre = len(earlier) - 1
-    out = np.zeros(2 * reach + 1)
-    low, high = max(-reach, -centre), min(reach, len(later) - 1)
-    out[low + reach : high + reach + 1] = full[centre + low : centre + high + 1]
-    return out
 
 
 # Absolute stamps (about 1.7e9 s) in double precision are a quarter of a microsecond apart: a command

@@ -12,11 +12,11 @@ import numpy as np
 import pandas as pd
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from gpsim.channels import Channels, FloatArray, columns_beside
+from gpsim.recordings.files import to_frame
 from gpsim.recordings.recording import Episode, Recording
 
 COMMAND, POSE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/PoseStamped"
@@ -44,26 +44,25 @@ class Topics:
 
 def write_ros1_bag(path: Path, log: DriveLog, topics: Topics) -> None:
     """Write a ROS 1 bag; every message is received the moment it is stamped, and the same log gives the same bytes."""
-    types = get_typestore(Stores.ROS1_NOETIC)
     with Writer1(path) as writer:
-        connections = {
-            name: writer.add_connection(name, kind, typestore=types)
-            for name, kind in ((topics.command, COMMAND), (topics.pose, POSE))
-        }
-        for stamp, topic, kind, message in _messages(log, topics, types, ros=1):
-            writer.write(connections[topic], stamp, types.serialize_ros1(message, kind))
+        _write(writer, log, topics, 1)
 
 
 def write_ros2_bag(path: Path, log: DriveLog, topics: Topics) -> None:
     """Write a ROS 2 bag, a folder with an MCAP in it; otherwise as `write_ros1_bag`."""
-    types = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = {
-            name: writer.add_connection(name, kind, typestore=types)
-            for name, kind in ((topics.command, COMMAND), (topics.pose, POSE))
-        }
-        for stamp, topic, kind, message in _messages(log, topics, types, ros=2):
-            writer.write(connections[topic], stamp, types.serialize_cdr(message, kind))
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        _write(writer, log, topics, 2)
+
+
+def _write(writer: Any, log: DriveLog, topics: Topics, ros: int) -> None:
+    types = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+    serialize = types.serialize_ros1 if ros == 1 else types.serialize_cdr
+    connections = {
+        name: writer.add_connection(name, kind, typestore=types)
+        for name, kind in ((topics.command, COMMAND), (topics.pose, POSE))
+    }
+    for stamp, topic, kind, message in _messages(log, topics, types, ros):
+        writer.write(connections[topic], stamp, serialize(message, kind))
 
 
 def _messages(
@@ -75,7 +74,13 @@ def _messages(
     for row in np.argsort(stamps, kind="stable").tolist():
         stamp = int(stamps[row])
         if row < poses:
-            yield stamp, topics.pose, POSE, _bag_pose(types.types, stamp, log.poses[row], row, ros)
+            number = (row,) if ros == 1 else ()
+            yield (
+                stamp,
+                topics.pose,
+                POSE,
+                _pose(types.types, stamp, log.poses[row].tolist(), "world", *number),
+            )
         else:
             yield stamp, topics.command, COMMAND, _twist(types.types, log.commands[row - poses])
 
@@ -90,14 +95,13 @@ def _twist(types: Any, command: FloatArray) -> object:
     return types[COMMAND](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
 
 
-def _bag_pose(types: Any, stamp: int, pose: FloatArray, number: int, ros: int) -> object:
-    x, y, yaw = pose.tolist()
+def _pose(types: Any, stamp: int, pose: Sequence[float], frame: str, *number: int) -> object:
+    """A PoseStamped; number: of the message, which a header of ROS 1 has."""
+    x, y, yaw = pose
     time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-    header = types["std_msgs/msg/Header"]
-    made = header(number, time, "world") if ros == 1 else header(time, "world")
     turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
     place = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](x, y, 0.0), turn)
-    return types[POSE](made, place)
+    return types[POSE](types["std_msgs/msg/Header"](*number, time, frame), place)
 
 
 Predictions = Mapping[str, Sequence[FloatArray]]
@@ -130,18 +134,14 @@ def wide_table(recording: Recording, predictions: Predictions) -> pd.DataFrame:
 
     Channels keep their names: a column that is no channel's and would be called as one gets `export.` before it.
     """
-    frames, names = [], recording.state.names
+    names = recording.state.names
     added = ["time", *(f"{label}.{name}" for label in predictions for name in names)]
     time, *predicted = columns_beside(added, (*names, *recording.action.names), "export")
-    for i, (episode, start) in enumerate(zip(recording.episodes, start_times(recording), strict=True)):
-        columns: dict[str, Any] = {"episode": episode.name, "t": episode.t, time: episode.t + start}
-        columns |= {name: episode.states[:, c] for c, name in enumerate(recording.state.names)}
-        actions = np.vstack([episode.actions, np.full((1, len(recording.action)), np.nan)])
-        columns |= {name: actions[:, c] for c, name in enumerate(recording.action.names)}
-        said = np.hstack([states[i] for states in predictions.values()]) if predictions else np.empty((0, 0))
-        columns |= dict(zip(predicted, said.T, strict=True))
-        frames.append(pd.DataFrame(columns))
-    return pd.concat(frames, ignore_index=True)
+    frame, starts = to_frame(recording), start_times(recording)
+    clock = [episode.t + start for episode, start in zip(recording.episodes, starts, strict=True)]
+    frame.insert(2, time, np.concatenate(clock))
+    said = [np.concatenate(states).T for states in predictions.values()]
+    return frame.assign(**dict(zip(predicted, np.concatenate(said), strict=True))) if said else frame
 
 
 def write_table(recording: Recording, predictions: Predictions, path: Path) -> None:
@@ -168,7 +168,7 @@ def write_mcap(recording: Recording, predictions: Predictions, path: Path) -> No
             for stamp, topic, kind, values in _samples(recording, predictions):
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind, typestore=types)
-                message = float64(values[0]) if len(values) == 1 else _pose(types.types, stamp, values)
+                message = float64(values[0]) if len(values) == 1 else _pose(types.types, stamp, values, "map")
                 writer.write(connections[topic], stamp, types.serialize_cdr(message, kind))
         next(bag.glob("*.mcap")).rename(path)
 
@@ -191,18 +191,10 @@ def _state(stamp: int, label: str, row: FloatArray, channels: Channels) -> Itera
         yield stamp, f"/{label}/{name}", "std_msgs/msg/Float64", (value,)
     if {"x", "y", "yaw"} <= set(values) and "pose" not in values:  # a topic holds messages of one type
         pose = (values["x"], values["y"], values["yaw"])
-        yield stamp, f"/{label}/pose", "geometry_msgs/msg/PoseStamped", pose
+        yield stamp, f"/{label}/pose", POSE, pose
 
 
 def _commands(stamp: int, episode: Episode, k: int, channels: Channels) -> Iterator[_Sample]:
     if k < len(episode.actions):
         for name, value in zip(channels.names, episode.actions[k].tolist(), strict=True):
             yield stamp, f"/command/{name}", "std_msgs/msg/Float64", (value,)
-
-
-def _pose(types: Mapping[str, Any], stamp: int, values: Sequence[float]) -> object:
-    x, y, yaw = values
-    time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
-    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, float(np.sin(yaw / 2)), float(np.cos(yaw / 2)))
-    place = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](x, y, 0.0), turn)
-    return types["geometry_msgs/msg/PoseStamped"](types["std_msgs/msg/Header"](time, "map"), place)

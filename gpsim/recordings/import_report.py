@@ -6,41 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.recordings.clock import Lag
-from gpsim.recordings.mapping import track_name
+import numpy as np
 
-
-@dataclass(frozen=True)
-class TopicCount:
-    """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
-
-    kept: rows inside an episode (for commands: rows that stood at some moment of one). delay: median, 5 % and
-    95 % of receive minus header [s], None without a header; drift: least and largest of its running median [s].
-    part: the channels that are counted, where not all of the topic are found in the same rows.
-    """
-
-    source: str
-    topic: str
-    type: str
-    clock: str
-    read: int
-    kept: int
-    dropped: Mapping[str, int] = field(default_factory=dict)
-    noticed: Mapping[str, int] = field(default_factory=dict)
-    delay: tuple[float, float, float] | None = None
-    drift: tuple[float, float] | None = None
-    part: str = ""
-
-    @property
-    def name(self) -> str:
-        """The topic, and which part of it."""
-        return track_name(self.topic, self.part)
-
-    def __post_init__(self) -> None:
-        if self.read != self.kept + sum(self.dropped.values()):
-            raise AssertionError(
-                f"{self.source} {self.topic}: {self.read} rows read, but {self.kept} kept and {self.dropped}"
-            )
+from gpsim.recordings.assembling import Assembled, TopicCount
+from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
+from gpsim.recordings.recording import Recording
+from gpsim.recordings.signals import Lag
+from gpsim.recordings.tracks import MISSING
 
 
 @dataclass(frozen=True)
@@ -124,3 +96,134 @@ def _added(tables: Iterable[Mapping[str, int]]) -> dict[str, int]:
         for reason, number in table.items():
             total[reason] = total.get(reason, 0) + number
     return total
+
+
+def rate_text(mapping: ImportMapping, dt: float) -> str:
+    """The recording's pace in words."""
+    if mapping.rate is None:
+        return f"the state's own stamps, not interpolated; median step {1e3 * dt:.4g} ms"
+    return f"{mapping.rate:g} Hz, interpolated"
+
+
+def notes_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """How commands were held, velocities made, and what is held out."""
+    notes = []
+    if len(mapping.action):
+        how = (
+            "averaged over each step"
+            if mapping.commands == "mean"
+            else "held (zero order), the one standing at t_k"
+        )
+        longest = max(one.longest_hold for one in built)
+        notes.append(
+            f"commands: {how}; the longest time without a new one inside an episode is {longest:.3g} s"
+        )
+    made = [s.name for s in mapping.state if s.derivative_of is not None]
+    if made:
+        notes.append(f"velocities: {', '.join(made)} differentiated, {describe(mapping.velocities)}")
+    if mapping.smoothing.channels:
+        notes.append(f"smoothed: {', '.join(mapping.smoothing.channels)}, {describe(mapping.smoothing)}")
+    held = recording.held_out
+    if held is None:
+        notes.append("held out: nothing")
+    elif held.episodes_from is not None:
+        notes.append(f"held out: episodes from {held.episodes_from} on")
+    elif held.share is not None:
+        notes.append(f"held out: the last {100 * held.share:g} %")
+    else:
+        notes.append(f"held out: time from {held.time_from:g} s on")
+    return tuple(notes)
+
+
+def describe(smoothing: Smoothing) -> str:
+    """A smoothing choice in words."""
+    edges = "edges trimmed" if smoothing.edges == "trim" else "edges by a one-sided fit"
+    if smoothing.method == "gaussian":
+        return f"Gaussian smoothing of sigma = {smoothing.sigma:g} samples of the source, {edges}"
+    if smoothing.method == "savgol":
+        return f"Savitzky-Golay, {smoothing.window} samples, order {smoothing.order}, {edges}"
+    return f"no smoothing, {edges}"
+
+
+def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """What asks for a second look."""
+    found = []
+    clocks = {(count.topic, count.clock) for one in built for count in one.counts}
+    kinds = {
+        "header" if name == "header" else "receive" for _, name in clocks if name[:6] in ("header", "receiv")
+    }
+    if len(kinds) > 1:
+        on = ", ".join(sorted(topic for topic, name in clocks if name.startswith("receive")))
+        found.append(
+            f"header stamps and receive times are mixed ({on} on receive time): transport delay is an offset"
+        )
+        found += _drifting(built, recording.dt)
+    steps = np.concatenate([np.diff(e.t) for e in recording.episodes])
+    if mapping.rate is None and float(steps.max()) > 1.5 * recording.dt:
+        found.append(
+            f"steps are uneven, {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; rate=HZ evens them"
+        )
+    lost: dict[str, list[int]] = {}
+    for one in built:
+        for count in one.counts:
+            total = lost.setdefault(count.name, [0, 0])
+            # Rows of a part without its channels are another part's.
+            total[0] += count.read - (count.dropped.get(MISSING, 0) if count.part else 0)
+            total[1] += count.kept
+    found += [
+        f"{topic}: only {100.0 * kept / read:.0f} % of its rows lie in an episode"
+        for topic, (read, kept) in lost.items()
+        if read and kept < 0.5 * read
+    ]
+    return tuple(found)
+
+
+def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
+    """Topics on header stamps whose clock moved against the receiver's by more than a step [s] within a log."""
+    worst: dict[str, tuple[float, float]] = {}
+    for one in built:
+        for count in one.counts:
+            if count.clock != "header" or count.drift is None or count.drift[1] - count.drift[0] <= step:
+                continue
+            known = worst.get(count.topic, (0.0, 0.0))
+            worst[count.topic] = max(known, count.drift, key=lambda ends: ends[1] - ends[0])
+    return [
+        f"the two clocks move against each other: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after "
+        f"its stamp (running median), a change of more than a step of {1e3 * step:.4g} ms; what is on receive time is "
+        "off by as much; split the log where it changes, or use clock.stamps=receive"
+        for topic, (least, most) in worst.items()
+    ]
+
+
+def origins(counts: Sequence[EpisodeCount]) -> dict[str, Any]:
+    """Episode name -> the log it is from and where it starts there."""
+    return {
+        count.name: {"log": count.source, "epoch_s": count.epoch, "start_s": round(count.start, 9)}
+        for count in counts
+    }
+
+
+def mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
+    """The decisions of the mapping, for recording.yaml."""
+    metadata: dict[str, Any] = {
+        "state": {source.name: _origin(source) for source in mapping.state},
+        "action": {source.name: _origin(source) for source in mapping.action},
+        "rate": "source" if mapping.rate is None else mapping.rate,
+        "gap_limit_s": mapping.gap_limit,
+        "commands": mapping.commands,
+    }
+    if len(mapping.measured) < len(mapping.state):
+        metadata["velocities"] = describe(mapping.velocities)
+    if mapping.smoothing.channels:
+        metadata["smoothing"] = f"{', '.join(mapping.smoothing.channels)}: {describe(mapping.smoothing)}"
+    return metadata
+
+
+def _origin(source: ChannelSource) -> dict[str, Any]:
+    """What a recording keeps of a channel's origin."""
+    raw: dict[str, Any] = {"topic": source.topic, "field": source.field, "quaternion": source.quaternion}
+    raw["angle"] = source.angle if source.quaternion else None
+    raw["derivative_of"] = source.derivative_of
+    raw |= {"scale": source.sign * source.scale, "offset": source.offset}
+    defaults = {"scale": 1.0, "offset": 0.0}
+    return {key: value for key, value in raw.items() if value is not None and value != defaults.get(key)}

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.recordings import import_notes, lags
+from gpsim.recordings import import_report, signals
 from gpsim.recordings.assembling import Assembled, assemble
-from gpsim.recordings.clock import Lag
 from gpsim.recordings.episodes import hold_out
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.likeness import UNITS, likely_unit
 from gpsim.recordings.mapping import ImportMapping
+from gpsim.recordings.raw import NamedLog
 from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.signals import Lag
 from gpsim.recordings.soundness import unmarked_wraps
-from gpsim.recordings.sources import Inspector, NamedLog, Part, read_parts
+from gpsim.recordings.sources import Inspector, Part, read_parts
 from gpsim.recordings.values import LARGEST
 
 
@@ -49,20 +50,20 @@ def import_logs(
     report = ImportReport(
         topics=tuple(count for one in built for count in one.counts),
         episodes=counts,
-        rate=import_notes.rate_text(mapping, recording.dt),
+        rate=import_report.rate_text(mapping, recording.dt),
         lags=tuple(found),
         applied=shifts,
-        notes=import_notes.notes_of(mapping, recording, built),
+        notes=import_report.notes_of(mapping, recording, built),
         warnings=(
             *_losses(logs),
             *unmarked_wraps(parts, built),
-            *import_notes.warnings_of(mapping, recording, built),
+            *import_report.warnings_of(mapping, recording, built),
         ),
     )
     provenance = {
-        "mapping": import_notes.mapping_metadata(mapping),
+        "mapping": import_report.mapping_metadata(mapping),
         "import": report.as_metadata(),
-        "sources": import_notes.origins(counts),
+        "sources": import_report.origins(counts),
     }
     return replace(recording, provenance=provenance), report
 
@@ -108,7 +109,7 @@ def _command_topics(mapping: ImportMapping) -> set[str]:
 
 
 def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[list[Assembled], list[Lag]]:
-    built, pieces = [], lags.Pieces()
+    built, pieces = [], signals.Pieces()
     for part in parts:
         tracks = {name: track.shifted(shifts.get(track.topic, 0.0)) for name, track in part.tracks.items()}
         flag = None if part.flag is None else tracks[part.flag.name]

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from gpsim.channels import Channels
+from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.files import alike
 from gpsim.recordings.guessing_parts import COMMANDS, POSES, pose_of
 from gpsim.recordings.likeness import Source
-from gpsim.recordings.raw import RawLog, Series, Topic
-from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
-from gpsim.recordings.sources import NamedLog
+from gpsim.recordings.raw import NamedLog, RawLog, Series, Topic
 
 READINGS = 64  # of a log, to find out which of its topics cannot be read
 GAP = 5.0  # a step of this many usual steps is a gap
@@ -26,6 +24,22 @@ _LOOSE = {f"std_msgs/msg/{kind}" for kind in ("Float32", "Float64", "Float32Mult
     "sensor_msgs/msg/Joy"
 }
 _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Of one topic's stamps. rate: 1 / median period [Hz], over increasing steps; start, end: [s].
+
+    gaps: (start, length) [s] of steps longer than GAP periods, longest first; duplicates: steps of zero; backwards:
+    steps below zero.
+    """
+
+    rate: float | None
+    start: float | None
+    end: float | None
+    gaps: tuple[tuple[float, float], ...]
+    duplicates: int
+    backwards: int
 
 
 @dataclass(frozen=True)
@@ -58,9 +72,9 @@ def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) ->
         column = one.fields[wanted[name][0]]
         is_table = one.header is None and not np.isfinite(one.receive).any()
         if not is_table:
-            paces[name] = statistics(one, gap_factor=GAP)
+            paces[name] = statistics(one.receive if one.header is None else one.header)
         elif wanted[name][0] in _TIMES:
-            paces[name] = of_stamps(column, "receive", GAP)
+            paces[name] = statistics(column)
     sound = tuple(topic for topic in topics if topic.name not in faults)
     text = proposal(sound, paces)
     return Inspection(named.name, topics, paces, text, count - 1, faults, ready)
@@ -85,6 +99,23 @@ def _read(
         halves = names[: len(names) // 2], names[len(names) // 2 :]
         (first, lost), (second, more) = (_read(log, {n: wanted[n] for n in half}, left) for half in halves)
         return first | second, lost | more
+
+
+def statistics(times: FloatArray) -> Statistics:
+    """Look at a topic's stamps (N,) s in file order."""
+    known = times[np.isfinite(times)]
+    steps = np.diff(known)
+    forward = steps[steps > 0]
+    period = float(np.median(forward)) if len(forward) else None
+    gaps = np.flatnonzero(steps > GAP * (period or np.inf))
+    return Statistics(
+        rate=1.0 / period if period else None,
+        start=float(known.min()) if len(known) else None,
+        end=float(known.max()) if len(known) else None,
+        gaps=tuple(sorted(((float(known[i]), float(steps[i])) for i in gaps), key=lambda gap: -gap[1])),
+        duplicates=int((steps == 0).sum()),
+        backwards=int((steps < 0).sum()),
+    )
 
 
 def _telling(topic: Topic) -> str:

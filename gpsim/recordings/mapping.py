@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as made_by
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from gpsim.channels import Channel, Channels
 from gpsim.recordings import values
@@ -256,13 +256,3 @@ def _one_of(name: str, known: Sequence[str], where: str) -> None:
 def with_fields(sources: Sequence[ChannelSource], fields: Mapping[str, str]) -> tuple[ChannelSource, ...]:
     """The same channels from other fields (a variant): fields is channel -> field."""
     return tuple(replace(s, field=fields.get(s.name, s.field)) for s in sources)
-
-
-def as_metadata(source: ChannelSource) -> dict[str, Any]:
-    """What a recording keeps of a channel's origin."""
-    raw: dict[str, Any] = {"topic": source.topic, "field": source.field, "quaternion": source.quaternion}
-    raw["angle"] = source.angle if source.quaternion else None
-    raw["derivative_of"] = source.derivative_of
-    raw |= {"scale": source.sign * source.scale, "offset": source.offset}
-    defaults = {"scale": 1.0, "offset": 0.0}
-    return {key: value for key, value in raw.items() if value is not None and value != defaults.get(key)}

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import re
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from fnmatch import fnmatch
-from pathlib import Path
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,21 +13,12 @@ from gpsim.errors import UsageError
 from gpsim.recordings import clock
 from gpsim.recordings.binding import Bound, bind, groups, wanted_fields
 from gpsim.recordings.mapping import EpisodeRule, ImportMapping, with_fields
-from gpsim.recordings.raw import RawLog, Series, Topic
+from gpsim.recordings.raw import NamedLog, RawLog, Series
 from gpsim.recordings.tracks import Track, build_track, stamps
-from gpsim.recordings.values import check_name, one_line
 
 BadRows = Mapping[str, IntArray]
 Inspector = Callable[[str, Series, ImportMapping], BadRows]
 """Looks for silent damage: (log name, series, mapping) -> rows to leave out, by reason; may refuse."""
-
-
-@dataclass(frozen=True)
-class NamedLog:
-    """A log with the name the report uses for it; is_table: rows of a table, not messages of a bag."""
-
-    name: str
-    log: RawLog
 
 
 @dataclass(frozen=True)
@@ -164,143 +150,3 @@ def _rows(series: Series, start: int, stop: int) -> Series:
         read=stop - start,
         dropped=series.dropped if start == 0 else {},
     )
-
-
-SUFFIXES = (".bag", ".db3", ".mcap", ".csv", ".parquet", ".mat")
-MOST = 10_000  # files below one folder; more is a mistaken path
-Opener = Callable[[Path], RawLog]
-
-
-@dataclass
-class FolderLog:
-    """The tables of one folder as the topics of one log, each named by its file without the ending."""
-
-    files: Mapping[str, Path]
-    opener: Opener
-    epoch_ns: int = 0
-    _lost: dict[str, Counter[str]] = field(default_factory=dict)
-
-    @property
-    def losses(self) -> Mapping[str, int]:
-        """Pieces of the files that could not be read (salvage only), by reason; lost rows the series count."""
-        return sum(self._lost.values(), Counter())
-
-    def topics(self) -> Sequence[Topic]:
-        """One topic a file; a file that cannot be read is at fault by itself."""
-        return [self._topic(name, path) for name, path in self.files.items()]
-
-    def _topic(self, name: str, path: Path) -> Topic:
-        try:
-            return replace(self._only(name, self.opener(path)), name=name)
-        except UsageError as error:
-            return Topic(name, "table", 0, (), None, None, has_header=False, fault=str(error))
-
-    def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
-        """Read the wanted files only."""
-        out = {}
-        for name, fields in wanted.items():
-            log = self.opener(self.files[name])
-            inner = self._only(name, log).name
-            out[name] = replace(log.series({inner: fields})[inner], topic=name)
-            self._lost[name] = Counter({f"{name}: {why}": count for why, count in log.losses.items()})
-        return out
-
-    def _only(self, name: str, log: RawLog) -> Topic:
-        topics = log.topics()
-        if len(topics) != 1:
-            raise UsageError(
-                f"{self.files[name]}: layout=folder takes tables of one topic, this has {len(topics)}"
-            )
-        return topics[0]
-
-
-def find_logs(
-    paths: Sequence[Path], layout: Literal["files", "folder"], pattern: str, opener: Opener
-) -> list[NamedLog]:
-    """The logs below the given paths, each path's sorted by name with numbers in numeric order.
-
-    layout files: every log file (or ROS 2 bag folder) is a log; folder: every folder with tables is one.
-    """
-    found: list[NamedLog] = []
-    for path in paths:
-        if not _exists(path):
-            raise UsageError(f"{one_line(path)}: does not exist")
-        check_name(path.name or ".", one_line(path.parent))
-        found += _folders(path, pattern, opener) if layout == "folder" else _files(path, pattern, opener)
-    names = [log.name for log in found]
-    if len(set(names)) != len(names):  # the same file name from two paths
-        found = [NamedLog(f"{number + 1}: {log.name}", log.log) for number, log in enumerate(found)]
-    return found
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError as error:
-        raise UsageError(f"{one_line(path)}: cannot be read ({error.strerror or error})") from error
-
-
-def _files(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
-    if path.is_file() or is_bag_folder(path):
-        return [NamedLog(path.name, opener(path))]
-    logs = [p for p in _walk(path) if fnmatch(p.name, pattern) and (is_bag_folder(p) or _is_log(p))]
-    if not logs:
-        raise UsageError(f"{path}: no log files named {pattern} ({', '.join(SUFFIXES)}) in this folder")
-    return [NamedLog(p.relative_to(path).as_posix(), opener(p)) for p in logs]
-
-
-def _folders(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
-    if not path.is_dir():
-        raise UsageError(f"{path}: layout=folder wants a folder of tables, not a file")
-    groups: dict[Path, dict[str, Path]] = {}
-    for file in _walk(path):
-        if _is_log(file) and fnmatch(file.name, pattern):
-            topics = groups.setdefault(file.parent, {})
-            if file.stem in topics:
-                raise UsageError(
-                    f"{file.parent}: {topics[file.stem].name} and {file.name} would both be the topic "
-                    f"'{file.stem}'; say which files to take, as files='*{file.suffix}'"
-                )
-            topics[file.stem] = file
-    if not groups:
-        raise UsageError(f"{path}: no tables named {pattern} in this folder")
-    named = {g.relative_to(path).as_posix() if g != path else path.name: files for g, files in groups.items()}
-    return [NamedLog(name, FolderLog(files, opener)) for name, files in named.items()]
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether this is a ROS 2 bag: a folder with metadata.yaml beside its storage files."""
-    return path.is_dir() and (path / "metadata.yaml").is_file()
-
-
-def _is_log(path: Path) -> bool:
-    return path.is_file() and path.suffix.lower() in SUFFIXES
-
-
-def _walk(folder: Path) -> Iterator[Path]:
-    """Files and bag folders below, sorted; a bag folder is not entered, links to folders are not followed."""
-    seen = 0
-    waiting = [folder]
-    while waiting:
-        here = waiting.pop(0)
-        try:
-            children = sorted(here.iterdir(), key=natural)
-        except OSError as error:
-            raise UsageError(f"{here}: cannot be read ({error.strerror}); name a folder of logs") from error
-        seen += len(children)
-        if seen > MOST:
-            raise UsageError(f"{folder}: more than {MOST} files below; name a folder of logs")
-        for child in children:
-            if _is_log(child):
-                check_name(child.name, one_line(here))
-            if child.is_dir() and not is_bag_folder(child):
-                if not child.is_symlink():
-                    waiting.append(child)
-            else:
-                yield child
-
-
-def natural(path: Path) -> list[tuple[int, int, str]]:
-    """Sort key that puts Experiment-33 before Experiment-132."""
-    parts = re.findall(r"\d+|\D+", path.name)
-    return [(0, int(part), "") if part.isdecimal() and part.isascii() else (1, 0, part) for part in parts]

@@ -12,9 +12,8 @@ from gpsim.channels import FloatArray
 from gpsim.recordings.import_report import ImportReport
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.mapping_files import parse_mapping
-from gpsim.recordings.raw import Series, Topic
+from gpsim.recordings.raw import NamedLog, Series, Topic
 from gpsim.recordings.recording import Recording
-from gpsim.recordings.sources import NamedLog
 
 
 @dataclass

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsim.recordings import clock
+from gpsim.recordings import clock, signals
 
 
 def ordered(t, values=None, burst=False):
@@ -76,7 +76,7 @@ def test_a_known_lag_is_found(delay):
     signal = np.repeat(rng.normal(size=count // 40), 40)
     at = np.arange(count) * step
     response = 0.7 * np.interp(at - delay, at, signal) + rng.normal(scale=0.05, size=count)
-    found = clock.estimate_lag(
+    found = signals.estimate_lag(
         ("u", "r"), [(signal[:2000], response[:2000]), (signal[2000:], response[2000:])], step
     )
     assert found.usable
@@ -85,4 +85,4 @@ def test_a_known_lag_is_found(delay):
 
 def test_unrelated_signals_have_no_usable_lag():
     rng = np.random.default_rng(8)
-    assert not clock.estimate_lag(("u", "r"), [(rng.normal(size=3000), rng.normal(size=3000))], 0.01).usable
+    assert not signals.estimate_lag(("u", "r"), [(rng.normal(size=3000), rng.normal(size=3000))], 0.01).usable

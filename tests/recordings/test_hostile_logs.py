@@ -10,7 +10,7 @@ from by_hand import UNICYCLE, Drive, imported
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import velocities
+from gpsim.recordings import signals
 from gpsim.recordings.files import read_bare_table, read_recording, write_recording
 from gpsim.recordings.likeness import likely_unit
 from gpsim.recordings.mapping import Smoothing
@@ -39,8 +39,8 @@ def test_more_samples_than_a_computer_holds_are_refused_before_they_are_made(car
 
 def test_a_smoothing_grid_that_no_computer_holds_is_refused():
     t = np.array([0.0, 1e-6, 2e-6, 3e-6, 1e6])
-    assert "too many to differentiate" in refused(velocities.even_grid, t)
-    assert len(velocities.even_grid(np.arange(5.0))) == 5
+    assert "too many to differentiate" in refused(signals.even_grid, t)
+    assert len(signals.even_grid(np.arange(5.0))) == 5
     assert Smoothing().sigma == 2.0
 
 

@@ -4,7 +4,7 @@ import pytest
 from by_hand import HandLog
 
 from gpsim.errors import UsageError
-from gpsim.recordings.sources import find_logs, natural
+from gpsim.recordings.raw import find_logs, natural
 
 
 def opener(path):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from bags import drive, write_bag
 
+from gpsim.recordings.inspection import statistics
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.checks import Limits, find_silent_damage
-from gpsim.recordings.readers.statistics import of_stamps, statistics
 
 POSE = [f"pose.{part}" for part in ("position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw"))]
 
@@ -91,21 +91,13 @@ def test_statistics_tell_rate_gaps_and_disorder() -> None:
     times = np.concatenate([times, times + 1.5])
     times[10] = times[9]
     times[20], times[21] = times[21], times[20]
-    found = of_stamps(times, "receive")
+    found = statistics(times)
     assert found.rate == pytest.approx(100.0)
-    assert (found.duplicates, found.backwards, found.unknown) == (1, 1, 0)
+    assert (found.duplicates, found.backwards) == (1, 1)
     assert found.gaps[0] == pytest.approx((0.99, 0.51))
     assert len(found.gaps) == 1
-    assert of_stamps(np.empty(0), "header").rate is None
-    assert of_stamps(np.full(3, np.nan), "header").unknown == 3
-
-
-def test_statistics_of_a_series_use_its_own_stamps(sound: Series) -> None:
-    own, arrival = statistics(sound), statistics(sound, "receive")
-    assert (own.stamps, arrival.stamps) == ("header", "receive")
-    assert own.rate == pytest.approx(50.0, rel=0.02)
-    assert own.jitter is not None
-    assert 0.0 < own.jitter < 0.001
+    assert statistics(np.empty(0)).rate is None
+    assert statistics(np.full(3, np.nan)).start is None
 
 
 def test_a_rotation_that_alternates_its_sign_is_sound(sound: Series) -> None:
