@@ -185,7 +185,7 @@ def _episode(
     margin = _margin({s.track: tracks[s.track] for s in mapping.measured}, mapping)
     whole = (piece[0] - margin, piece[1] + margin)
     by_name = {source.name: source for source in mapping.state}
-    origins = [by_name[s.derivative_of or s.name] for s in mapping.state if _is_filtered(s, mapping)]
+    origins = [source for source in mapping.measured if mapping.filters(source.name)]
     if any(where.inside(tracks[s.track].t, [whole]).sum() < 2 for s in origins):
         return None  # nothing to differentiate
     columns = []
@@ -202,10 +202,6 @@ def _episode(
     commands = [_command(source, tracks[source.track], at, mapping) for source in mapping.action]
     actions = np.stack(commands, axis=1) if commands else np.zeros((len(at) - 1, 0))
     return Episode("", at, np.stack(columns, axis=1), actions)
-
-
-def _is_filtered(source: ChannelSource, mapping: ImportMapping) -> bool:
-    return source.derivative_of is not None or source.name in mapping.smoothing.channels
 
 
 def _filtered(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,19 +84,11 @@ def _sum(topic: str, group: Sequence[TopicCount]) -> TopicCount:
         clock=first.clock,
         read=sum(c.read for c in group),
         kept=sum(c.kept for c in group),
-        dropped=_added(c.dropped for c in group),
-        noticed=_added(c.noticed for c in group),
+        dropped=dict(sum((Counter(c.dropped) for c in group), Counter())),
+        noticed=dict(sum((Counter(c.noticed) for c in group), Counter())),
         delay=middle,
         part=first.part,
     )
-
-
-def _added(tables: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    total: dict[str, int] = {}
-    for table in tables:
-        for reason, number in table.items():
-            total[reason] = total.get(reason, 0) + number
-    return total
 
 
 def rate_text(mapping: ImportMapping, dt: float) -> str:

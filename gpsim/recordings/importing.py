@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -122,18 +123,16 @@ def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[l
 def _estimates(found: Sequence[Lag], parts: Sequence[Part]) -> dict[str, float]:
     """The lag of the best correlated command of each command topic."""
     topics = _command_topics(parts[0].mapping) if parts else set()
-    best: dict[str, Lag] = {}
-    for lag in found:
+    best: dict[str, float] = {}
+    for lag in sorted(found, key=lambda lag: -abs(lag.correlation)):
         topic = next(s.topic for s in parts[0].mapping.action if s.name == lag.command)
         if topic in topics and lag.usable:
-            known = best.get(topic)
-            if known is None or abs(lag.correlation) > abs(known.correlation):
-                best[topic] = lag
+            best.setdefault(topic, lag.lag)
     if not best:
         raise UsageError(
             "clock.apply_offset=true: these data tell the lag of no command topic; give a number [s]"
         )
-    return {topic: lag.lag for topic, lag in best.items()}
+    return best
 
 
 def _numbered(
@@ -161,12 +160,10 @@ def _numbered(
 
 
 def _nothing_left(built: Sequence[Assembled], parts: Sequence[Part]) -> str:
-    reasons: dict[str, int] = {}
-    for one in built:
-        for count in one.counts:
-            for reason, number in count.dropped.items():
-                reasons[f"{count.name}: {reason}"] = reasons.get(f"{count.name}: {reason}", 0) + number
-    worst = sorted(reasons.items(), key=lambda item: -item[1])[:3]
+    reasons: Counter[str] = Counter()
+    for count in (count for one in built for count in one.counts):
+        reasons.update({f"{count.name}: {reason}": number for reason, number in count.dropped.items()})
+    worst = reasons.most_common(3)
     why = "; ".join(f"{number} rows of {reason}" for reason, number in worst) or "the topics are empty"
     hint = _unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
     return f"no episode is left ({why}); {hint}"

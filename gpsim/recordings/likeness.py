@@ -27,35 +27,16 @@ WORDS: dict[str, tuple[str, ...]] = {
     "y": ("y",),
     "velocity": ("velocity", "vel", "speed", "v", "qd", "xd", "dq", "dx"),
     "angular_velocity": (
-        "omega",
-        "velocity",
-        "vel",
-        "angular_velocity",
-        "w",
-        "speed",
-        "qd",
-        "dq",
-        "rate",
-        "gyro",
+        "omega", "velocity", "vel", "angular_velocity", "w", "speed", "qd", "dq", "rate", "gyro",
     ),
     "force": ("force", "motor_force", "u", "f", "effort", "command", "cmd", "control", "input", "action"),
     "torque": (
-        "torque",
-        "tau",
-        "effort",
-        "motor_torque",
-        "u",
-        "command",
-        "cmd",
-        "control",
-        "input",
-        "action",
+        "torque", "tau", "effort", "motor_torque", "u", "command", "cmd", "control", "input", "action",
     ),
     "speed_command": ("v_cmd", "cmd_v", "speed", "throttle", "v", "v_ref", "linear", "velocity_command"),
     "turn_command": ("w_cmd", "cmd_w", "omega", "angular", "turn_rate", "yaw_rate", "w"),
     "steering_command": ("steering", "steer", "delta", "steering_angle", "steering_cmd"),
-    "time": ("t", "time", "timestamp", "stamp", "elapsed_time", "time_s"),
-}
+}  # fmt: skip
 """What a quantity is called, the likeliest first."""
 NO_STATE = frozenset({
     "target", "desired", "des", "ref", "reference", "cmd", "command", "goal", "set", "setpoint", "planned", "err",

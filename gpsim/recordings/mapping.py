@@ -237,6 +237,11 @@ class ImportMapping:
         """The sources of state channels that are read, not made here."""
         return tuple(source for source in self.state if source.derivative_of is None)
 
+    def filters(self, name: str) -> bool:
+        """Whether a state channel is smoothed, made by differentiation, or what another is made from."""
+        made = {name for s in self.state if s.derivative_of is not None for name in (s.name, s.derivative_of)}
+        return name in made or name in self.smoothing.channels
+
     @property
     def state_channels(self) -> Channels:
         """The recording's state channels."""

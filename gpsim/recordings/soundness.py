@@ -19,7 +19,7 @@ from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers.checks import Limits, find_silent_damage
 from gpsim.recordings.sources import Part
-from gpsim.recordings.tracks import samples
+from gpsim.recordings.tracks import samples, stamps
 
 TOO_FAST = "faster than checks.max_rate"
 GOES_BACK = "time goes back"
@@ -38,7 +38,6 @@ def find_bad_rows(
     changes faster than `checks.max_rate` are damage: UsageError (log, topic, row, field, what, remedy), or with
     `salvage` left out and counted.
     """
-    rows: dict[str, list[IntArray]] = {}
     limits = Limits(
         quaternion=mapping.checks.quaternion,
         jump=mapping.checks.outlier,
@@ -49,31 +48,26 @@ def find_bad_rows(
             if source.wraps and source.field is not None and source.scale
         },
     )
-    for finding in find_silent_damage(series, limits):
-        if finding.kind == _LEFT_TO_THE_CLOCK:
-            continue
+    out: dict[str, IntArray] = {}
+
+    def note(reason: str, rows: IntArray, said: str) -> None:
         if not salvage:
-            raise UsageError(f"{name}: {finding.message}; --salvage leaves such rows out and counts them")
-        rows.setdefault(finding.kind, []).append(finding.rows)
-    out = {reason: np.unique(np.concatenate(parts)) for reason, parts in rows.items()}
+            raise UsageError(f"{name}: {said}--salvage leaves such rows out and counts them")
+        out[reason] = np.union1d(out[reason], rows) if reason in out else rows
+
+    for finding in find_silent_damage(series, limits):
+        if finding.kind != _LEFT_TO_THE_CLOCK:
+            note(finding.kind, finding.rows, f"{finding.message}; ")
     back = _going_back(series, mapping)
     if len(back):
-        if not salvage:
-            t = _clock(series, mapping)
-            raise UsageError(
-                f"{name}: {series.topic}, row {int(back[0])}: time goes back, to {t[back[0]]:.6g} s behind "
-                f"{np.nanmax(t[: back[0]]):.6g} s ({len(back)} such rows); sort the table by its time, or --salvage "
-                "leaves such rows out and counts them"
-            )
-        out[GOES_BACK] = back
+        t, place = _clock(series, mapping), f"{series.topic}, row {int(back[0])}"
+        early = f"{t[back[0]]:.6g} s behind {np.nanmax(t[: back[0]]):.6g} s"
+        said = f"{place}: time goes back, to {early} ({len(back)} such rows); sort the table by its time, or "
+        note(GOES_BACK, back, said)
     fast = _too_fast(series, mapping, out)
     if len(fast):
-        if not salvage:
-            raise UsageError(
-                f"{name}: {series.topic}, row {int(fast[0])}: changes {TOO_FAST} ({len(fast)} of "
-                f"{len(series.receive)} rows); --salvage leaves such rows out and counts them"
-            )
-        out[TOO_FAST] = fast
+        share = f"{len(fast)} of {len(series.receive)} rows"
+        note(TOO_FAST, fast, f"{series.topic}, row {int(fast[0])}: changes {TOO_FAST} ({share}); ")
     return out
 
 
@@ -119,17 +113,9 @@ def _limited(source: ChannelSource, series: Series, rows: IntArray) -> tuple[Flo
 
 def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
     """When the rows were taken [s], as far as it is known here."""
-    time, count = mapping.time, len(series.receive)
-    if time is not None and time.step is not None:
-        return np.asarray(time.step * np.arange(count), dtype=np.float64)
-    if time is not None and time.seconds is not None:
-        rest = series.fields[time.nanoseconds] if time.nanoseconds is not None else np.zeros(count)
-        return np.asarray(series.fields[time.seconds] + 1e-9 * rest, dtype=np.float64)
-    if time is not None and time.field is not None:
-        return np.asarray(time.scale * series.fields[time.field], dtype=np.float64)
-    if series.header is None or not np.ptp(series.header) > 0:
-        return series.receive
-    return series.header
+    if mapping.time is not None:
+        return stamps(series, mapping.time, "auto", "")[0]
+    return series.receive if series.header is None or not np.ptp(series.header) > 0 else series.header
 
 
 def _leaps(t: FloatArray, values: FloatArray, limit: float, wraps: bool) -> BoolArray:
@@ -178,7 +164,7 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
         f"{part.name}: {name} steps by {values[whole[0] + 1] - values[whole[0]]:.3g} rad from one row to the next "
         f"({len(whole)} time(s), first at {t[whole[0]]:.6g} s), nearly a turn"
     )
-    if np.ptp(values) <= ONE_TURN and (_is_filtered(name, part.mapping) or _between(t, whole, one)):
+    if np.ptp(values) <= ONE_TURN and (part.mapping.filters(name) or _between(t, whole, one)):
         raise UsageError(
             f"{first}, and values in between would lie on the other side; say state.{name}.wraps=true"
         )
@@ -193,11 +179,6 @@ def _same_episode(t: FloatArray, spans: Sequence[where.Interval]) -> BoolArray:
     """(N - 1,) whether a row and the next lie in one episode: what lies between episodes is a reset, no step."""
     starts = np.array([start for start, _ in spans]) - TOLERANCE
     return np.asarray(np.diff(np.searchsorted(starts, t, side="right")) == 0, dtype=np.bool_)
-
-
-def _is_filtered(name: str, mapping: ImportMapping) -> bool:
-    made = any(source.derivative_of == name for source in mapping.state)
-    return made or name in mapping.smoothing.channels
 
 
 def _between(t: FloatArray, whole: IntArray, one: Assembled) -> bool:

@@ -63,28 +63,16 @@ def check_bounded(path: Path) -> None:
             node = loader.get_single_node()
         finally:
             loader.dispose()
-        sizes: dict[int, int] = {}
-        if node is not None and _standing_for(node, sizes) - len(sizes) > MOST_REPEATED:
-            raise UsageError(
-                f"{path}: aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
-            )
+        if node is not None:
+            _Checks(plain=False).size(node)
+    except YamlError as error:
+        raise UsageError(f"{path}: {error}") from error
     except OSError as error:
         raise unreadable(path, error) from error
     except (RecursionError, MemoryError) as error:
         raise UsageError(f"{path}: not readable as YAML: it is nested too deeply") from error
     except (yaml.YAMLError, ValueError):
         return
-
-
-def _standing_for(node: yaml.Node, sizes: dict[int, int]) -> int:
-    """How many values a node stands for, with what aliases repeat; inside itself it repeats without end."""
-    if id(node) not in sizes:
-        sizes[id(node)] = MOST_REPEATED**2  # met again before it is through
-        pairs = isinstance(node, yaml.MappingNode)
-        inside = (part for pair in node.value for part in pair) if pairs else node.value
-        parts = () if isinstance(node, yaml.ScalarNode) else inside
-        sizes[id(node)] = 1 + sum(_standing_for(part, sizes) for part in parts)
-    return sizes[id(node)]
 
 
 def parse_yaml(text: str) -> Any:
@@ -117,9 +105,13 @@ def _line(mark: Any) -> str:
 
 
 class _Checks:
-    """Looks at a document before anything is made of it; a node that aliases name is looked at once."""
+    """Looks at a document before anything is made of it; a node that aliases name is looked at once.
 
-    def __init__(self) -> None:
+    plain: whether it must hold plain values alone, each key once.
+    """
+
+    def __init__(self, *, plain: bool = True) -> None:
+        self._plain = plain
         self._sizes: dict[int, int | None] = {}
         self._written = 0
 
@@ -132,10 +124,10 @@ class _Checks:
             return known
         self._sizes[id(node)] = None
         self._written += 1
-        if node.tag not in _PLAIN:
+        if self._plain and node.tag not in _PLAIN:
             kind = one_line(node.tag, 60)
             raise YamlError(f"{_line(node.start_mark)}{kind} is no plain value; write text, numbers, lists")
-        total = 1 + sum(self.size(part) for part in _parts(node))
+        total = 1 + sum(self.size(part) for part in _parts(node, plain=self._plain))
         if total - self._written > MOST_REPEATED:
             raise YamlError(
                 f"{_line(node.start_mark)}aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
@@ -144,14 +136,18 @@ class _Checks:
         return total
 
 
-def _parts(node: yaml.Node) -> Iterator[yaml.Node]:
+def _parts(node: yaml.Node, *, plain: bool) -> Iterator[yaml.Node]:
     """The nodes inside a node; YamlError where a key is no plain word or number, or is written twice.
 
     Keys become text as they are written: a channel may be called `on`, or 1.
     """
     if isinstance(node, yaml.SequenceNode):
         yield from node.value
-    elif isinstance(node, yaml.MappingNode):
+    elif not isinstance(node, yaml.MappingNode):
+        return
+    elif not plain:
+        yield from (part for pair in node.value for part in pair)
+    else:
         lines: dict[str, int] = {}
         for place, (key, value) in enumerate(node.value):
             where, line = _line(key.start_mark), key.start_mark.line + 1

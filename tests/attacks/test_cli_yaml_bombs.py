@@ -59,7 +59,7 @@ def test_choices_below_config_dir_are_looked_at(tmp_path):
 
     (tmp_path / "gp").mkdir()
     (tmp_path / "gp" / "mine.yaml").write_text(bomb())
-    with pytest.raises(UsageError, match=r"gp/mine\.yaml: aliases"):
+    with pytest.raises(UsageError, match=r"gp/mine\.yaml: line 5: aliases"):
         resolve(["gp=mine"], tmp_path)
     (tmp_path / "gp" / "mine.yaml").write_text("n_train: 7\n")
     assert resolve(["gp=mine"], tmp_path)["gp"]["n_train"] == 7

@@ -45,59 +45,46 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """Rows of a topic that cannot be true. row: the first of them; message: one line for the person."""
+    """Rows of a topic that cannot be true; message: one line for the person."""
 
     kind: Kind
-    topic: str
-    field: str | None
     rows: IntArray
     message: str
 
-    @property
-    def row(self) -> int:
-        """The first row."""
-        return int(self.rows[0])
 
-    @property
-    def count(self) -> int:
-        """How many rows."""
-        return len(self.rows)
+Suspect = tuple[Kind, str | None, BoolArray, str]
+"""(kind, field, rows that cannot be true (N,), what is wrong with them)."""
 
 
 def find_silent_damage(series: Series, limits: Limits | None = None) -> tuple[Finding, ...]:
     """Everything in a topic that cannot be true; rows count from 0 in file order."""
-    chosen = limits or Limits()
-    found = [*_values(series, chosen), *_quaternions(series, chosen), *_stamps(series, chosen)]
-    return tuple(finding for finding in found if finding.count)
+    chosen, found = limits or Limits(), []
+    for kind, name, bad, what in (
+        *_values(series, chosen),
+        *_quaternions(series, chosen),
+        *_stamps(series, chosen),
+    ):
+        rows = np.flatnonzero(bad)
+        if len(rows):
+            place = f"{series.topic}, row {rows[0]}" + ("" if name is None else f", field {name}")
+            found.append(Finding(kind, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows)"))
+    return tuple(found)
 
 
-def _finding(series: Series, kind: Kind, field: str | None, bad: BoolArray, what: str) -> Finding:
-    rows = np.flatnonzero(bad)
-    first = int(rows[0]) if len(rows) else -1
-    place = f"{series.topic}, row {first}" if field is None else f"{series.topic}, row {first}, field {field}"
-    return Finding(kind, series.topic, field, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows)")
-
-
-def _values(series: Series, limits: Limits) -> Iterator[Finding]:
+def _values(series: Series, limits: Limits) -> Iterator[Suspect]:
     turned = _turned(series)
     for name, values in series.fields.items():
         missing = np.isnan(values) & (series.absent.get(name, 0) > 0)
-        yield _finding(
-            series, "not finite", name, ~np.isfinite(values) & ~missing, "the value is no finite number"
-        )
+        yield "not finite", name, ~np.isfinite(values) & ~missing, "the value is no finite number"
         size = np.abs(np.where(np.isfinite(values), values, 0.0))
         if name not in limits.clocks:
             strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
-            yield _finding(
-                series, "absurd magnitude", name, strange, "no sensor or command has this magnitude"
-            )
+            yield "absurd magnitude", name, strange, "no sensor or command has this magnitude"
         if any(part in _POSE for part in name.split(".")) and name.split(".")[-1] not in _STAMP_PARTS:
             steady = turned.get(name, values)
             if name in limits.periods:
                 steady = np.unwrap(steady, period=limits.periods[name])
-            yield _finding(
-                series, "jump", name, jumps(steady, limits.jump), "leaves its neighbours and comes back"
-            )
+            yield "jump", name, jumps(steady, limits.jump), "leaves its neighbours and comes back"
 
 
 def _turned(series: Series) -> dict[str, FloatArray]:
@@ -134,37 +121,29 @@ def jumps(values: FloatArray, factor: float) -> BoolArray:
     return alone
 
 
-def _quaternions(series: Series, limits: Limits) -> Iterator[Finding]:
+def _quaternions(series: Series, limits: Limits) -> Iterator[Suspect]:
     for parts in _quaternion_parts(series):
         values = np.stack([series.fields[part] for part in parts])
         known = np.isfinite(values).all(axis=0)
         with np.errstate(over="ignore", invalid="ignore"):
             norm = np.sqrt(np.sum(values**2, axis=0))
         off = known & ~(np.abs(norm - 1.0) <= limits.quaternion)
-        yield _finding(series, "no rotation", parts[-1][:-2], off, "the quaternion's norm is not 1")
+        yield "no rotation", parts[-1][:-2], off, "the quaternion's norm is not 1"
 
 
-def _stamps(series: Series, limits: Limits) -> Iterator[Finding]:
-    leaps = _leaps(series.receive, limits.leap)
-    yield _finding(series, "stamp leaps", None, leaps, "the receive time leaves its neighbours")
-    if series.header is None:
+def _stamps(series: Series, limits: Limits) -> Iterator[Suspect]:
+    arrival, header = series.receive, series.header
+    yield "stamp leaps", None, _leaps(arrival, limits.leap), "the receive time leaves its neighbours"
+    if header is None:
         return
-    yield _finding(
-        series,
-        "stamp leaps",
-        None,
-        _leaps(series.header, limits.leap),
-        "the header stamp leaves its neighbours",
-    )
-    delay = series.receive - series.header
+    yield "stamp leaps", None, _leaps(header, limits.leap), "the header stamp leaves its neighbours"
+    delay = arrival - header
     known = np.isfinite(delay)
-    if known.any() and np.ptp(series.header[known]) > 0:  # a stamp that is never set is no clock
+    if known.any() and np.ptp(header[known]) > 0:  # a stamp that is never set is no clock
         far = np.zeros(len(delay), dtype=np.bool_)
         usual = median_filter(delay[known], AROUND, mode="nearest")
         far[known] = np.abs(delay[known] - usual) > limits.delay
-        yield _finding(
-            series, "stamp far from arrival", None, far, "the header stamp is far from its arrival"
-        )
+        yield "stamp far from arrival", None, far, "the header stamp is far from its arrival"
 
 
 def _leaps(stamps: FloatArray, limit: float) -> BoolArray:

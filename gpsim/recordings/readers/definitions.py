@@ -60,8 +60,8 @@ class Decoder:
 
 
 @lru_cache(maxsize=8)
-def _distro_types(distro: str) -> Types:
-    types: Types = get_typestore(Stores(f"ros2_{distro}")).fielddefs
+def _types_of(store: Stores) -> Types:
+    types: Types = get_typestore(store).fielddefs
     return types
 
 
@@ -82,7 +82,7 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
         raise DamageError(
             f"messages are encoded as {one_line(stream.encoding, 40)!r}; only ROS 1 and CDR are read"
         )
-    types = _parse(stream) if stream.format != "none" else _distro_types(distro)
+    types = _parse(stream) if stream.format != "none" else _types_of(Stores(f"ros2_{distro}"))
     if stream.type not in types:
         source = "the bag's definition" if stream.format != "none" else f"ROS 2 {distro}"
         raise DamageError(
@@ -110,21 +110,17 @@ def _parse(stream: Stream) -> Types:
         raise DamageError(f"definition of {one_line(stream.type, 80)} is {len(stream.definition)} bytes long")
     if not _TYPE_NAME.fullmatch(stream.type):
         raise DamageError(f"{one_line(stream.type, 80)!r} is not a message type name")
-    types: dict[str, tuple[Any, Any]] = dict(_time_types())
+    types: dict[str, tuple[Any, Any]] = dict(_types_of(Stores.EMPTY))
     try:
         if stream.format == "msg":
             types.update(get_types_from_msg(_condensed(stream.definition), stream.type))
         else:
-            for part in _idl_parts(_condensed(stream.definition)):
+            text = _condensed(stream.definition)
+            parts = [part.partition("\n")[2] for part in text.split(_IDL_SEPARATOR)[1:]]
+            for part in parts if text.startswith(f"{_IDL_SEPARATOR}IDL: ") else [text]:
                 types.update(get_types_from_idl(part))
     except Exception as error:  # TypesysError, AssertionError, RecursionError, ValueError, KeyError ...
         raise DamageError(f"definition of {stream.type} cannot be parsed: {one_line(error, 80)}") from error
-    return types
-
-
-@lru_cache(maxsize=1)
-def _time_types() -> Types:
-    types: Types = get_typestore(Stores.EMPTY).fielddefs
     return types
 
 
@@ -134,12 +130,6 @@ def _condensed(text: str) -> str:
         "\n".join(line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#"))
         + "\n"
     )
-
-
-def _idl_parts(text: str) -> list[str]:
-    if not text.startswith(f"{_IDL_SEPARATOR}IDL: "):
-        return [text]
-    return [part.partition("\n")[2] for part in text.split(_IDL_SEPARATOR)[1:]]
 
 
 def _reachable(types: Types, root: str) -> dict[str, tuple[Any, Any]]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -205,64 +206,51 @@ def numeric_fields(types: Types, root: str, samples: list[Any]) -> tuple[str, ..
     Arrays of more than 64 numbers (images, scans) are left out; their elements can be asked for all the same.
     """
     found: dict[str, None] = {}
-    _list_fields(types, (Nodetype.NAME, root), "", samples, found, True)
-    return tuple(found)[:MAX_FIELDS]
+    for path in _paths(types, (Nodetype.NAME, root), "", samples, True):
+        found[path] = None
+        if len(found) >= MAX_FIELDS:
+            break
+    return tuple(found)
 
 
-def _list_fields(
-    types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None], selects: bool
-) -> None:
+def _paths(types: Types, here: Any, prefix: str, samples: list[Any], selects: bool) -> Iterator[str]:
     """selects: no element was chosen on the way here, so one can be asked for by a selection in brackets."""
     kind, detail = here
-    if len(found) >= MAX_FIELDS:
-        return
     if kind == Nodetype.BASE:
         if detail[0] in _NUMBERS:
-            found[prefix] = None
+            yield prefix
     elif kind == Nodetype.NAME:
-        names = _names_of(types[detail][1], samples)
+        key, held = _names_of(types[detail][1], samples)
         for name, description in types[detail][1]:
             if name == "structure_needs_at_least_one_member":
                 continue
-            if names and _lists(description, _NUMBERS):
-                _list_named(
-                    f"{prefix}.{name}" if prefix else name, names, normalize_fieldname(name), samples, found
-                )
-                continue
+            place = f"{prefix}.{name}" if prefix else name
             below = [getattr(sample, normalize_fieldname(name)) for sample in samples]
-            _list_fields(types, description, f"{prefix}.{name}" if prefix else name, below, found, selects)
+            if held and _lists(
+                description, _NUMBERS
+            ):  # the names for which a message has a number in this list
+                named = [[str(n) for n in getattr(s, normalize_fieldname(key))] for s in samples]
+                there = {n for ns, numbers in zip(named, below, strict=True) for n in ns[: len(numbers)]}
+                yield from (f"{place}[{key}={n}]" for n in held if n in there)
+                continue
+            yield from _paths(types, description, place, below, selects)
     else:
-        _list_array(types, here, prefix, samples, found, selects)
+        yield from _array_paths(types, here, prefix, samples, selects)
 
 
-def _names_of(fields: Any, samples: list[Any]) -> tuple[str, tuple[str, ...]] | None:
-    """The list of texts that names the numbers beside it, and what it holds; None where there is none of use."""
+def _names_of(fields: Any, samples: list[Any]) -> tuple[str, tuple[str, ...]]:
+    """The list of texts that names the numbers beside it, and what it holds: nothing where it is of no use."""
     key = next((name for name, d in fields if name in _NAMERS and _lists(d, _TEXTS)), None)
     if key is None or not any(_lists(d, _NUMBERS) for _, d in fields):
-        return None
+        return "", ()
     every = [[str(name) for name in getattr(sample, normalize_fieldname(key))] for sample in samples]
     held = tuple(dict.fromkeys(name for names in every for name in names))
     plain = all(_SELECTABLE.fullmatch(name) and name.isprintable() and name for name in held)
     once = all(len(set(names)) == len(names) for names in every)
-    return (key, held) if held and plain and once and len(held) <= MAX_LISTED else None
+    return (key, held) if plain and once and len(held) <= MAX_LISTED else ("", ())
 
 
-def _list_named(
-    prefix: str, names: tuple[str, tuple[str, ...]], array: str, samples: list[Any], found: dict[str, None]
-) -> None:
-    """The names for which a message has a number in this list."""
-    key, held = names
-    for name in held:
-        for sample in samples:
-            beside = [str(n) for n in getattr(sample, normalize_fieldname(key))]
-            if name in beside and beside.index(name) < len(getattr(sample, array)):
-                found[f"{prefix}[{key}={name}]"] = None
-                break
-
-
-def _list_array(
-    types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None], selects: bool
-) -> None:
+def _array_paths(types: Types, here: Any, prefix: str, samples: list[Any], selects: bool) -> Iterator[str]:
     kind, (inner, length) = here
     if kind == Nodetype.SEQUENCE:
         length = max((len(sample) for sample in samples), default=0)
@@ -272,11 +260,11 @@ def _list_array(
     if key is not None and all(_SELECTABLE.fullmatch(value) and value.isprintable() for value in values):
         for value in values[:MAX_LISTED]:
             chosen = [element for element in elements if str(getattr(element, key)) == value]
-            _list_fields(types, inner, f"{prefix}[{key}={value}]", chosen, found, False)
+            yield from _paths(types, inner, f"{prefix}[{key}={value}]", chosen, False)
     elif length <= MAX_LISTED:
         for index in range(length):
             below = [sample[index] for sample in samples if len(sample) > index]
-            _list_fields(types, inner, f"{prefix}.{index}", below, found, False)
+            yield from _paths(types, inner, f"{prefix}.{index}", below, False)
 
 
 def _selector_key(types: Types, inner: Any) -> str | None:

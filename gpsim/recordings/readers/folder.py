@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from tempfile import mkdtemp
-from typing import Any
+from typing import Annotated, Any
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers.damage import (
@@ -24,6 +24,7 @@ from gpsim.recordings.readers.damage import (
     regular_file,
 )
 from gpsim.recordings.readers.source import Budget, Container, Message, Stream, topic_name
+from gpsim.recordings.values import Sound, sound
 from gpsim.recordings.yaml_data import YamlError, parse_yaml
 
 METADATA = "metadata.yaml"
@@ -187,50 +188,60 @@ def _read_metadata(path: Path) -> Metadata:
         raw = parse_yaml(path.read_text(encoding="utf-8"))
     except (YamlError, OSError, ValueError) as error:
         raise DamageError(one_line(error, 160)) from error
-    info = _mapping(raw, METADATA).get("rosbag2_bagfile_information")
-    table = _mapping(info, "rosbag2_bagfile_information")
-    version = table.get("version")
-    if not isinstance(version, int) or not 1 <= version <= _NEWEST:
-        raise DamageError(f"version is {one_line(version, 40)}; 1 to {_NEWEST} are known")
-    compression = str(table.get("compression_mode") or "none").lower()
+    try:
+        info = sound(_File, raw, METADATA).rosbag2_bagfile_information
+    except UsageError as error:
+        raise DamageError(one_line(error, 160)) from error
+    if not 1 <= info.version <= _NEWEST:
+        raise DamageError(f"version is {info.version}; 1 to {_NEWEST} are known")
+    compression = (info.compression_mode or "none").lower()
     if compression not in ("none", "file", "message") or (
-        compression != "none" and table.get("compression_format") != "zstd"
+        compression != "none" and info.compression_format != "zstd"
     ):
         raise DamageError(
-            f"compression {one_line(compression, 40)} in {one_line(table.get('compression_format'), 40)}"
+            f"compression {one_line(compression, 40)} in {one_line(info.compression_format, 40)}"
         )
-    distro = table.get("ros_distro")
-    return Metadata(_files(table), _counts(table), compression, distro if isinstance(distro, str) else None)
+    counts: Counter[str] = Counter()
+    for entry in info.topics_with_message_count:
+        counts[entry.topic_metadata.name] += entry.message_count
+    distro = info.ros_distro if isinstance(info.ros_distro, str) else None
+    return Metadata(info.relative_file_paths, dict(counts), compression, distro)
 
 
-def _mapping(value: object, name: str) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise DamageError(f"the key {name} with its table is missing")
-    return value
-
-
-def _files(table: Mapping[str, Any]) -> tuple[str, ...]:
-    names = table.get("relative_file_paths")
+def _files(names: object) -> tuple[str, ...]:
     if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
-        raise DamageError("the key relative_file_paths with the storage files is missing")
+        raise ValueError("a list of storage files is expected")
     paths = [PurePosixPath(name) for name in names]
     for path in paths:
         if path.is_absolute() or ".." in path.parts or "\\" in path.name or "\0" in path.name:
-            raise DamageError(f"storage file {one_line(path, 80)} lies outside the bag's folder")
+            raise ValueError(f"storage file {one_line(path, 80)} lies outside the bag's folder")
     # Bags of ROS 2 before Foxy name the folder in front; the files lie in the folder all the same.
     return tuple(dict.fromkeys(path.name for path in paths))
 
 
-def _counts(table: Mapping[str, Any]) -> dict[str, int]:
-    entries = table.get("topics_with_message_count")
-    if not isinstance(entries, list):
-        raise DamageError("the key topics_with_message_count with its list is missing")
-    counts: Counter[str] = Counter()
-    for entry in entries:
-        known = _mapping(entry, "topics_with_message_count")
-        name = _mapping(known.get("topic_metadata"), "topic_metadata").get("name")
-        count = known.get("message_count")
-        if not isinstance(name, str) or not isinstance(count, int):
-            raise DamageError("an entry of topics_with_message_count lacks its name or message_count")
-        counts[name] += count
-    return dict(counts)
+@dataclass(frozen=True)
+class _Topic:
+    name: str
+
+
+@dataclass(frozen=True)
+class _Count:
+    topic_metadata: _Topic
+    message_count: int
+
+
+@dataclass(frozen=True)
+class _Information:
+    version: int
+    relative_file_paths: Annotated[tuple[str, ...], Sound(_files)]
+    topics_with_message_count: list[_Count]
+    compression_mode: str | None = None
+    compression_format: Any = None
+    ros_distro: Any = None
+
+
+@dataclass(frozen=True)
+class _File:
+    """What is read of metadata.yaml."""
+
+    rosbag2_bagfile_information: _Information
