@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from gpsim.channels import FloatArray
 from gpsim.recordings.import_report import ImportReport
@@ -95,3 +97,11 @@ def imported(
 ) -> tuple[Recording, ImportReport]:
     plan = parse_mapping({**mapping, **changes})
     return import_logs([NamedLog("hand", HandLog(contents))], plan, lambda name, one, m: {})
+
+
+def cartpole_table(path: Path, seed: int = 0) -> Path:
+    t = np.arange(200) * 0.02
+    table = pd.DataFrame({"t": t, "x": np.sin(t), "x_dot": np.cos(t), "theta": 0.1 * np.sin(3 * t)})
+    force = np.random.default_rng(seed).normal(size=200)
+    table.assign(theta_dot=0.3 * np.cos(3 * t), force=force).to_csv(path, index=False)
+    return path

@@ -3,9 +3,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
+from by_hand import cartpole_table
 
 
 @pytest.fixture(scope="session")
@@ -23,8 +22,4 @@ def real() -> Path:
 @pytest.fixture
 def cartpole_log(tmp_path: Path) -> Path:
     """A table of 200 rows whose columns are called as the cart-pole's channels."""
-    t = np.arange(200) * 0.02
-    columns = {"t": t, "x": np.sin(t), "x_dot": np.cos(t), "theta": 0.1 * np.sin(3 * t)}
-    columns |= {"theta_dot": 0.3 * np.cos(3 * t), "force": np.random.default_rng(0).normal(size=200)}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
-    return tmp_path / "log.csv"
+    return cartpole_table(tmp_path / "log.csv")

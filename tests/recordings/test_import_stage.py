@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from by_hand import cartpole_table
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
@@ -16,69 +17,46 @@ from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests
 
-
-def cartpole_table(path, count=200, seed=0):
-    rng = np.random.default_rng(seed)
-    t = np.arange(count) * 0.02
-    table = {
-        "t": t,
-        "x": np.sin(t),
-        "x_dot": np.cos(t),
-        "theta": 0.1 * np.sin(3 * t),
-        "theta_dot": 0.3 * np.cos(3 * t),
-    }
-    pd.DataFrame({**table, "force": rng.normal(size=count)}).to_csv(path, index=False)
-    return path
+WRITTEN = [
+    "recording.parquet",
+    "recording.yaml",
+    "import_report.txt",
+    "figures/channels.png",
+    "manifest.json",
+]
 
 
-@pytest.fixture
-def table(tmp_path):
-    return cartpole_table(tmp_path / "log.csv")
-
-
-def test_a_bare_csv_needs_only_the_system(table, tmp_path):
-    made = import_log([table], tmp_path / "out", words=["system=cartpole"])
+def test_a_bare_csv_needs_only_the_system(cartpole_log, tmp_path):
+    made = import_log([cartpole_log], tmp_path / "out", words=["system=cartpole"])
     recording = read_recording(tmp_path / "out")
     assert recording.system == "cartpole"
     assert recording.transition_count == 199
     assert recording.velocities == "measured"
-    assert np.array_equal(recording.episodes[0].states[:, 0], pd.read_csv(table)["x"])
-    assert np.array_equal(recording.episodes[0].actions[:, 0], pd.read_csv(table)["force"][:-1])
+    assert np.array_equal(recording.episodes[0].states[:, 0], pd.read_csv(cartpole_log)["x"])
+    assert np.array_equal(recording.episodes[0].actions[:, 0], pd.read_csv(cartpole_log)["force"][:-1])
     assert read_artifact(tmp_path / "out").stage == "import"
     names = {p.relative_to(tmp_path / "out").as_posix() for p in made.artifact.path.rglob("*") if p.is_file()}
-    assert {
-        "recording.parquet",
-        "recording.yaml",
-        "import_report.txt",
-        "figures/channels.png",
-        "manifest.json",
-    } <= names
+    assert set(WRITTEN) <= names
     assert "read = kept + dropped" in (tmp_path / "out" / "import_report.txt").read_text()
 
 
-def test_the_same_log_gives_the_same_bytes(table, tmp_path):
+def test_the_same_log_gives_the_same_bytes(cartpole_log, tmp_path):
     for name in ("a", "b"):
-        import_log([table], tmp_path / name, words=["system=cartpole"])
-    for file in (
-        "recording.parquet",
-        "recording.yaml",
-        "import_report.txt",
-        "figures/channels.png",
-        "manifest.json",
-    ):
+        import_log([cartpole_log], tmp_path / name, words=["system=cartpole"])
+    for file in WRITTEN:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
-def test_a_column_of_words_is_no_channel(table, tmp_path):
-    pd.read_csv(table).assign(mode="run").to_csv(table, index=False)
+def test_a_column_of_words_is_no_channel(cartpole_log, tmp_path):
+    pd.read_csv(cartpole_log).assign(mode="run").to_csv(cartpole_log, index=False)
     with pytest.raises(UsageError, match="column 'mode' holds text, which only episodes.by=column can use"):
-        import_log([table], tmp_path / "out", words=["system=cartpole", "state.x.field=mode"])
+        import_log([cartpole_log], tmp_path / "out", words=["system=cartpole", "state.x.field=mode"])
 
 
-def test_nothing_is_overwritten_and_nothing_half_written(table, tmp_path, monkeypatch):
+def test_nothing_is_overwritten_and_nothing_half_written(cartpole_log, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     with pytest.raises(UsageError, match="exists already"):
-        import_log([table], tmp_path / "out", words=["system=cartpole"])
+        import_log([cartpole_log], tmp_path / "out", words=["system=cartpole"])
 
     def fail(recording, path):
         (path if path.suffix else path / "recording.yaml").write_text("half")
@@ -87,10 +65,10 @@ def test_nothing_is_overwritten_and_nothing_half_written(table, tmp_path, monkey
     with monkeypatch.context() as patched:
         patched.setattr("gpsim.stages.import_log.write_recording", fail)
         with pytest.raises(RuntimeError):
-            import_log([table], tmp_path / "half", words=["system=cartpole"])
+            import_log([cartpole_log], tmp_path / "half", words=["system=cartpole"])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "out"]
     monkeypatch.setattr("gpsim.stages.import_log.draw_channels", fail)
-    import_log([table], tmp_path / "plain", words=["system=cartpole"])
+    import_log([cartpole_log], tmp_path / "plain", words=["system=cartpole"])
     assert read_warnings(tmp_path / "plain") == [
         "figures/channels.png is left out: RuntimeError: the disk is gone"
     ]
@@ -122,9 +100,9 @@ def test_an_episode_column_and_several_files_make_episodes(tmp_path):
         (["system=cartpole", "rate=[1"], "."),
     ],
 )
-def test_wrong_settings_end_in_one_line(table, tmp_path, words, text):
+def test_wrong_settings_end_in_one_line(cartpole_log, tmp_path, words, text):
     with pytest.raises(UsageError, match=text) as caught:
-        import_log([table], tmp_path / "out", words=words)
+        import_log([cartpole_log], tmp_path / "out", words=words)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
 
@@ -138,13 +116,13 @@ def test_wrong_settings_end_in_one_line(table, tmp_path, words, text):
         ("x: 1", "unknown key"),
     ],
 )
-def test_wrong_mapping_files_end_in_one_line(table, tmp_path, content, text):
+def test_wrong_mapping_files_end_in_one_line(cartpole_log, tmp_path, content, text):
     (tmp_path / "mine.yaml").write_text(content)
     with pytest.raises(UsageError, match=text) as caught:
-        import_log([table], tmp_path / "out", str(tmp_path / "mine.yaml"))
+        import_log([cartpole_log], tmp_path / "out", str(tmp_path / "mine.yaml"))
     assert "\n" not in str(caught.value)
     with pytest.raises(UsageError, match="neither a file nor one of: cascaded_tanks, dart_csv"):
-        import_log([table], tmp_path / "out", "nothing")
+        import_log([cartpole_log], tmp_path / "out", "nothing")
 
 
 def limo_bag(folder, count=300):
@@ -226,7 +204,7 @@ def test_what_inspect_proposes_can_be_saved_and_used(tmp_path):
     assert recording.state.names == ("x", "y", "yaw")
 
 
-def test_the_command_line_prints_the_report_and_one_line_errors(table, tmp_path):
+def test_the_command_line_prints_the_report_and_one_line_errors(cartpole_log, tmp_path):
     import typer
     from gpsim.cli.export import export_app
     from gpsim.cli.import_ import import_command
@@ -236,12 +214,12 @@ def test_the_command_line_prints_the_report_and_one_line_errors(table, tmp_path)
     app.add_typer(export_app, name="export")
     run = CliRunner()
     out = tmp_path / "out"
-    result = run.invoke(app, ["import", str(table), "system=cartpole", "--out", str(out)])
+    result = run.invoke(app, ["import", str(cartpole_log), "system=cartpole", "--out", str(out)])
     assert result.exit_code == 0, result.output
     assert "read = kept + dropped" in result.output
-    assert isinstance(run.invoke(app, ["import", str(table), "--out", str(out)]).exception, UsageError)
-    assert isinstance(run.invoke(app, ["import", str(table)]).exception, UsageError)
-    assert "proposed mapping" in run.invoke(app, ["import", "--inspect", str(table)]).output
+    assert isinstance(run.invoke(app, ["import", str(cartpole_log), "--out", str(out)]).exception, UsageError)
+    assert isinstance(run.invoke(app, ["import", str(cartpole_log)]).exception, UsageError)
+    assert "proposed mapping" in run.invoke(app, ["import", "--inspect", str(cartpole_log)]).output
     file = tmp_path / "log.mcap"
     result = run.invoke(app, ["export", "recording", str(out), "--format", "mcap", "--out", str(file)])
     assert result.exit_code == 0, result.output
@@ -274,7 +252,7 @@ def test_what_lies_beside_the_logs_does_not_count(tmp_path):
 
 
 @pytest.mark.parametrize("where", [(Path, "open"), (Path, "stat")])
-def test_logs_that_cannot_be_read_are_one_line(table, monkeypatch, where):
+def test_logs_that_cannot_be_read_are_one_line(cartpole_log, monkeypatch, where):
     real = getattr(*where)
 
     def refuse(path, *arguments, **options):
@@ -284,4 +262,4 @@ def test_logs_that_cannot_be_read_are_one_line(table, monkeypatch, where):
 
     monkeypatch.setattr(*where, refuse)
     with pytest.raises(UsageError, match=r"log\.csv: cannot be read \(Permission denied\)"):
-        source_digests([table])
+        source_digests([cartpole_log])

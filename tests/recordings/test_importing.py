@@ -21,6 +21,13 @@ from gpsim.reports.import_text import as_text
 DRIVE = Drive()
 T = np.arange(0, 10, 0.01)
 COMMANDS = np.arange(0, 10, 0.1)
+SLIDER = {
+    "system": "slider",
+    "rate": 50,
+    "time": {"field": "t"},
+    "state": {"q": {"field": "q", "unit": "m"}},
+    "action": {"force": {"field": "u", "unit": "N"}},
+}
 
 
 def commands(t=COMMANDS, v=None):
@@ -178,13 +185,7 @@ def test_a_long_silence_of_commands_is_held_unless_limited():
 
 
 def test_velocities_are_differentiated_and_edges_trimmed():
-    mapping = {
-        "system": "slider",
-        "rate": 50,
-        "time": {"field": "t"},
-        "state": {"q": {"field": "q", "unit": "m"}, "q_dot": {"derivative_of": "q", "unit": "m/s"}},
-        "action": {"force": {"field": "u", "unit": "N"}},
-    }
+    mapping = {**SLIDER, "state": {**SLIDER["state"], "q_dot": {"derivative_of": "q", "unit": "m/s"}}}
     t = np.arange(0, 5, 0.01)
     table = series("table", np.full(len(t), np.nan), t=t, q=np.sin(3 * t), u=np.cos(t))
     recording, report = imported({"table": table}, mapping)
@@ -244,14 +245,8 @@ def test_a_turning_angle_is_differentiated_without_leaps():
 
 def test_a_table_whose_clock_starts_anew_becomes_several_parts():
     t = np.concatenate([np.arange(0, 3, 0.05), np.arange(0, 4, 0.05)])
-    mapping = {
-        "system": "s",
-        "rate": "source",
-        "time": {"field": "t"},
-        "state": {"q": {"field": "q", "unit": "m"}},
-    }
     table = series("table", np.full(len(t), np.nan), t=t, q=t)
-    recording, report = imported({"table": table}, mapping)
+    recording, report = imported({"table": table}, SLIDER, rate="source", action={})
     assert [len(e) for e in recording.episodes] == [59, 79]
     assert sum(c.read for c in report.topics) == len(t)
 
@@ -351,17 +346,10 @@ def test_whatever_the_clock_does_the_numbers_add_up(seed):
 def test_settings_of_the_clock_that_would_do_nothing_are_refused():
     t = np.arange(0, 5, 0.01)
     table = {"table": series("table", np.full(len(t), np.nan), t=t, q=np.sin(3 * t), u=np.cos(t))}
-    mapping = {
-        "system": "slider",
-        "rate": 50,
-        "time": {"field": "t"},
-        "state": {"q": {"field": "q", "unit": "m"}},
-        "action": {"force": {"field": "u", "unit": "N"}},
-    }
     with pytest.raises(UsageError, match="share their rows"):
-        imported(table, mapping, clock={"apply_offset": 0.1})
+        imported(table, SLIDER, clock={"apply_offset": 0.1})
     with pytest.raises(UsageError, match="clock.offsets: no topic 'tabel' is read; there are: table"):
-        imported(table, mapping, clock={"offsets": {"tabel": 0.1}})
+        imported(table, SLIDER, clock={"offsets": {"tabel": 0.1}})
 
 
 def test_short_episodes_whose_clock_begins_anew_stay_what_they_are():
@@ -371,15 +359,7 @@ def test_short_episodes_whose_clock_begins_anew_stay_what_they_are():
     number = np.repeat(np.arange(30.0), 9)
     q = 10.0 * number + t
     table = series("table", np.full(len(t), np.nan), t=t, q=q, u=np.cos(q), trial=number)
-    mapping = {
-        "system": "slider",
-        "rate": 50,
-        "time": {"field": "t"},
-        "episodes": {"by": "column", "field": "trial"},
-        "state": {"q": {"field": "q", "unit": "m"}},
-        "action": {"force": {"field": "u", "unit": "N"}},
-    }
-    recording, _ = imported({"table": table}, mapping)
+    recording, _ = imported({"table": table}, SLIDER, episodes={"by": "column", "field": "trial"})
     assert len(recording.episodes) == 30
     for i, episode in enumerate(recording.episodes):
         assert episode.states[:, 0] == pytest.approx(10.0 * i + episode.t, abs=1e-3)

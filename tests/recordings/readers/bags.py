@@ -93,6 +93,13 @@ def serialise(ros: int, kind: str, values: Mapping[str, Any]) -> bytes:
     return bytes(store.serialize_ros1(message, kind) if ros == 1 else store.serialize_cdr(message, kind))
 
 
+def called(kind: str, stem: str = "a") -> str:
+    """What a bag of this kind is called: a file by its ending, a folder without one."""
+    if kind.startswith("ros1"):
+        return f"{stem}.bag"
+    return f"{stem}.mcap" if kind.startswith("mcap") and "folder" not in kind else stem
+
+
 def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: int = 4096) -> Path:
     """Write a bag whose messages lie in order of receive time; returns what `open_log` is given.
 

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import EPOCH, KINDS, Messages, drive, write_bag
+from bags import EPOCH, KINDS, Messages, called, drive, serialise, typestore, write_bag
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import open_log
@@ -33,11 +35,8 @@ def seconds(stamps: list[int]) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=KINDS)
 def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    suffix = (
-        ".bag" if request.param.startswith("ros1") else ".mcap" if request.param.startswith("mcap") else ""
-    )
-    suffix = "" if "folder" in request.param else suffix
-    return write_bag(tmp_path_factory.mktemp("bags") / f"drive{suffix}", request.param, drive(1.0))
+    name = called(request.param, "drive")
+    return write_bag(tmp_path_factory.mktemp("bags") / name, request.param, drive(1.0))
 
 
 def test_every_message_comes_back(bag: Path) -> None:
@@ -159,31 +158,20 @@ def test_wrong_wishes_are_one_line_with_the_alternatives(
     assert "\n" not in str(caught.value)
 
 
-def test_two_publishers_of_one_topic_are_one_series(tmp_path: Path) -> None:
-    from bags import serialise, typestore
-    from rosbags.rosbag1 import Writer
-
-    with Writer(tmp_path / "two.bag") as writer:
-        kind = "std_msgs/msg/Float32"
-        two = [
-            writer.add_connection("/u", kind, typestore=typestore(1), callerid=f"/node{i}") for i in range(2)
+@pytest.mark.parametrize(("publishers", "at"), [(2, range(10)), (1, (5, 3, 9, 1))])
+def test_publishers_of_one_topic_are_one_series_in_file_order(
+    tmp_path: Path, publishers: int, at: Sequence[int]
+) -> None:
+    kind, stamps = "std_msgs/msg/Float32", [EPOCH + s for s in at]
+    with Writer(tmp_path / "a.bag") as writer:
+        several = [
+            writer.add_connection("/u", kind, typestore=typestore(1), callerid=f"/node{i}")
+            for i in range(publishers)
         ]
-        for i in range(10):
-            writer.write(two[i % 2], EPOCH + i, serialise(1, kind, {"data": float(i)}))
-    series = open_log(tmp_path / "two.bag").series({"/u": ["data"]})["/u"]
-    np.testing.assert_array_equal(series.fields["data"], np.arange(10.0))
-
-
-def test_messages_out_of_order_stay_in_file_order(tmp_path: Path) -> None:
-    from bags import serialise, typestore
-    from rosbags.rosbag1 import Writer
-
-    stamps = [EPOCH + s for s in (5, 3, 9, 1)]
-    with Writer(tmp_path / "mixed.bag") as writer:
-        connection = writer.add_connection("/u", "std_msgs/msg/Float32", typestore=typestore(1))
         for i, stamp in enumerate(stamps):
-            writer.write(connection, stamp, serialise(1, "std_msgs/msg/Float32", {"data": float(i)}))
-    series = open_log(tmp_path / "mixed.bag").series({"/u": ["data"]})["/u"]
+            writer.write(several[i % publishers], stamp, serialise(1, kind, {"data": float(i)}))
+    series = open_log(tmp_path / "a.bag").series({"/u": ["data"]})["/u"]
+    np.testing.assert_array_equal(series.fields["data"], np.arange(float(len(stamps))))
     np.testing.assert_array_equal(series.receive, seconds(stamps))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import EPOCH, KINDS, Messages, drive, write_bag
+from bags import EPOCH, KINDS, Messages, called, drive, write_bag
 from mcap_writer import record, text
 from mutations import Outcomes, refused, watch
 from rosbags.rosbag1 import Writer
@@ -129,14 +129,7 @@ def test_a_matlab_file_that_swells(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_without_messages(tmp_path: Path, kind: str) -> None:
-    suffix = (
-        ".bag"
-        if kind.startswith("ros1")
-        else ".mcap"
-        if kind.startswith("mcap") and "folder" not in kind
-        else ""
-    )
-    path = write_bag(tmp_path / f"none{suffix}", kind, {"/u": Messages("std_msgs/msg/Float32", [])})
+    path = write_bag(tmp_path / called(kind, "none"), kind, {"/u": Messages("std_msgs/msg/Float32", [])})
     log = open_log(path)
     for topic in log.topics():
         assert topic.count == 0

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from bags import EPOCH, KINDS, Messages, drive, write_bag
+from bags import EPOCH, KINDS, Messages, called, drive, write_bag
 
 from gpsim.errors import UsageError
 from gpsim.recordings.raw import Topic
@@ -35,18 +35,7 @@ def topics_of(path: Path, **options: Any) -> dict[str, Topic]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path: Path, kind: str) -> None:
     """A dynamic_reconfigure topic used to end the inspection of a whole bag of an F1TENTH car."""
-    bag = write_bag(
-        tmp_path
-        / (
-            "a.bag"
-            if kind.startswith("ros1")
-            else "a.mcap"
-            if kind.startswith("mcap") and "folder" not in kind
-            else "a"
-        ),
-        kind,
-        {**drive(1.0), DESCRIPTIONS: describing("Default")},
-    )
+    bag = write_bag(tmp_path / called(kind), kind, {**drive(1.0), DESCRIPTIONS: describing("Default")})
     found = inspect_source(bag)
     assert not found.faults
     assert "/pose" in found.paces
@@ -80,7 +69,7 @@ def small(folder: Path, kind: str, rows: int = 40) -> Path:
         "/good": Messages("std_msgs/msg/Float64", messages),
         STRANGE: Messages("sensor_msgs/msg/Joy", other),
     }
-    return write_bag(folder / f"a.{'bag' if kind == 'ros1' else 'mcap'}", kind, topics, chunk=200)
+    return write_bag(folder / called(kind), kind, topics, chunk=200)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +187,7 @@ def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path
         "/early": Messages("std_msgs/msg/Float64", early),
         "/late": Messages("std_msgs/msg/Float64", late),
     }
-    bag = write_bag(tmp_path / ("a.bag" if kind.startswith("ros1") else "a.mcap"), kind, topics, chunk=2000)
+    bag = write_bag(tmp_path / called(kind), kind, topics, chunk=2000)
     container = Bag1(bag) if kind.startswith("ros1") else Mcap(bag)
     late_one = next(s.id for s in container.streams(Ledger(bag, salvage=False)) if s.topic == "/late")
     start = 150 + [place for place, held in container._held.items() if held == {late_one}][2]

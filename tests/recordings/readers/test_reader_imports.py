@@ -1,4 +1,4 @@
-"""Damaged bags through the whole import: a sound recording or one clear line, never a raw exception."""
+"""Bags through the whole import: two frames of a topic, and damage, which ends in a sound recording or one line."""
 
 from __future__ import annotations
 
@@ -7,11 +7,42 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bags import KINDS, MCAP_KINDS, drive, write_bag
+from bags import KINDS, called, drive, write_bag
 from mutations import mutate
 
 from gpsim.errors import UsageError
 from gpsim.stages.import_log import read_logs
+
+FRAMES = """
+system: frames
+rate: 50
+state:
+  x: {topic: /tf, field: "transforms[child_frame_id=base_link].transform.translation.x", unit: m}
+  turned: {topic: /tf, field: "transforms[child_frame_id=wheel].transform.translation.x", unit: rad}
+action:
+  v_cmd: {topic: /cmd_vel, field: linear.x, unit: m/s}
+"""
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_two_frames_of_one_topic_are_two_tracks(tmp_path, kind):
+    bag = write_bag(tmp_path / called(kind), kind, drive(seconds=4.0))
+    (tmp_path / "mine.yaml").write_text(FRAMES)
+    recording, report, _ = read_logs([bag], str(tmp_path / "mine.yaml"))
+    (episode,) = recording.episodes
+    x, turned = episode.states.T
+    # message i holds the wheel at i, and every second one the base at cos(0.02 i)
+    assert x == pytest.approx(np.cos(0.02 * turned), abs=1e-3)  # stamps jitter by 0.5 ms
+    assert turned[-1] > 190.0
+    counts = {count.part: count for count in report.topics if count.topic == "/tf"}
+    assert {part: count.read for part, count in counts.items()} == {
+        "transforms[child_frame_id=base_link]": 100,
+        "transforms[child_frame_id=wheel]": 200,
+    }
+    for count in report.topics:
+        assert count.read == count.kept + sum(count.dropped.values())
+        assert "value missing" not in count.dropped
+
 
 MAPPING = """
 system: unicycle
@@ -28,13 +59,12 @@ held_out: none
 
 
 def import_damaged(folder: Path, kind: str, numbers: range) -> dict[str, int]:
-    suffix = ".bag" if kind.startswith("ros1") else ".mcap" if kind in MCAP_KINDS else ""
-    source = write_bag(folder / f"sound{suffix}", kind, drive(2.0))
+    source = write_bag(folder / called(kind, "sound"), kind, drive(2.0))
     mapping = folder / "mapping.yaml"
     mapping.write_text(MAPPING)
     counts = {"imported": 0, "refused": 0}
     for number in numbers:
-        target = folder / f"damaged-{number}{suffix}"
+        target = folder / f"damaged-{number}{source.suffix}"
         mutate(source, target, number)
         for salvage in (False, True):
             try:
