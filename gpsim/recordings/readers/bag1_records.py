@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.recordings.readers.chunked import Catalogue
+from gpsim.recordings.readers.chunked import Record as AnyRecord
 from gpsim.recordings.readers.damage import MAX_HEADER, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import Source, Stream, topic_name
 
@@ -24,19 +25,11 @@ _MOST_TRIES = 20_000
 
 
 @dataclass(frozen=True)
-class Record:
-    """A record's header and where its data lie; `end` may be outside the file."""
+class Record(AnyRecord):
+    """A record with the fields of its header, and where it begins."""
 
-    op: int
     fields: dict[bytes, bytes]
     start: int
-    data: int
-    size: int
-
-    @property
-    def end(self) -> int:
-        """Offset of the next record."""
-        return self.data + self.size
 
 
 def parse_fields(header: bytes) -> dict[bytes, bytes]:
@@ -66,7 +59,7 @@ def read_record(source: Source, start: int) -> Record:
     if len(op) != 1:
         raise DamageError("a record does not say its kind")
     (size,) = _U32.unpack(source.read(start + 4 + length, 4))
-    return Record(op[0], fields, start, start + 8 + length, size)
+    return Record(op[0], start + 8 + length, size, fields, start)
 
 
 def next_record(source: Source, start: int, op: int) -> int | None:

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, expand, regular_file, wrong_kind
 from gpsim.recordings.readers.source import Budget, Message, Source, Stream
@@ -64,23 +64,18 @@ class Catalogue:
         return [replace(s, count=t.count, start=t.start, end=t.end) for s, t in found]
 
 
-class AnyRecord(Protocol):
-    """A record: its kind and where the next one begins, which may be outside the file."""
+@dataclass(frozen=True)
+class Record:
+    """Its kind, and where its data lie; `end`, where the next one begins, may be outside the file."""
 
-    @property
-    def op(self) -> int:
-        """Its kind."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Bytes of its data."""
-        ...
+    op: int
+    data: int
+    size: int
 
     @property
     def end(self) -> int:
         """Offset of the next record."""
-        ...
+        return self.data + self.size
 
 
 class Head(NamedTuple):
@@ -93,7 +88,7 @@ class Head(NamedTuple):
     checksum: int = 0
 
 
-R = TypeVar("R", bound=AnyRecord)
+R = TypeVar("R", bound=Record)
 
 
 class Chunked(ABC, Generic[R]):

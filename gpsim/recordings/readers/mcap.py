@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Iterator
 
-from gpsim.recordings.readers.chunked import Catalogue, Chunked, Head
+from gpsim.recordings.readers.chunked import Catalogue, Chunked, Head, Record
 from gpsim.recordings.readers.damage import DamageError, Ledger
 from gpsim.recordings.readers.mcap_records import (
     CHANNEL,
@@ -18,7 +18,6 @@ from gpsim.recordings.readers.mcap_records import (
     MESSAGE_HEAD,
     SCHEMA,
     Content,
-    Record,
     content,
     next_record,
     read_record,
@@ -62,11 +61,11 @@ class Mcap(Chunked[Record]):
     def head(self, source: Source, record: Record) -> Head:
         """A chunk's head."""
         front = Content(
-            source.read(record.start, min(CHUNK_HEAD.size + 64, record.size, self.size - record.start))
+            source.read(record.data, min(CHUNK_HEAD.size + 64, record.size, self.size - record.data))
         )
         _, _, size, checksum = CHUNK_HEAD.unpack(front.take(CHUNK_HEAD.size))
         method, stored = front.text(), front.u64()
-        begin = record.start + front.position
+        begin = record.data + front.position
         if method not in COMPRESSIONS or begin + stored != record.end:
             raise DamageError(f"a chunk's head is damaged (compression {method[:8]!r}, {stored} bytes)")
         return Head(begin, stored, COMPRESSIONS[method], size, checksum)

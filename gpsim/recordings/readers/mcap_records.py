@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.recordings.readers.chunked import Catalogue
+from gpsim.recordings.readers.chunked import Catalogue, Record
 from gpsim.recordings.readers.damage import MAX_CHUNK, MAX_DEFINITION, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import LATEST, DefinitionFormat, Source, Stream, topic_name
 
@@ -31,20 +31,6 @@ _FORMATS: dict[str, DefinitionFormat] = {
 _START = re.compile(rb"[\x05\x06](?=.{4}\x00\x00\x00\x00)", re.DOTALL)
 
 
-@dataclass(frozen=True)
-class Record:
-    """Where a record's content lies; `end` may be outside the file."""
-
-    op: int
-    start: int
-    size: int
-
-    @property
-    def end(self) -> int:
-        """Offset of the next record."""
-        return self.start + self.size
-
-
 def read_record(source: Source, position: int) -> Record:
     """The record at `position`."""
     op, size = _RECORD.unpack(source.read(position, _RECORD.size))
@@ -57,7 +43,7 @@ def content(source: Source, record: Record) -> Content:
     """A record's content (not a chunk's: those have a limit of their own)."""
     if record.size > MAX_MESSAGE:
         raise DamageError(f"a record declares {record.size} bytes")
-    return Content(source.read(record.start, record.size))
+    return Content(source.read(record.data, record.size))
 
 
 class Content:
@@ -161,7 +147,7 @@ def _believable(source: Source, position: int, channels: Collection[int], *, chu
             return chunks and _is_chunk(source, record)
         if record.size < MESSAGE_HEAD.size or record.end > source.size:
             return False
-        channel, _, stamp, _ = MESSAGE_HEAD.unpack(source.read(record.start, MESSAGE_HEAD.size))
+        channel, _, stamp, _ = MESSAGE_HEAD.unpack(source.read(record.data, MESSAGE_HEAD.size))
         after = source.read(record.end, 1)[0] if record.end < source.size else MESSAGE
         return stamp < LATEST and 0 < after <= LAST_OP and (channel in channels or not channels)
     except DamageError:
@@ -170,7 +156,7 @@ def _believable(source: Source, position: int, channels: Collection[int], *, chu
 
 def _is_chunk(source: Source, record: Record) -> bool:
     parts = Content(
-        source.read(record.start, min(record.size, CHUNK_HEAD.size + 16, source.size - record.start))
+        source.read(record.data, min(record.size, CHUNK_HEAD.size + 16, source.size - record.data))
     )
     start, end, _, _ = CHUNK_HEAD.unpack(parts.take(CHUNK_HEAD.size))
     method, size = parts.text(), parts.u64()

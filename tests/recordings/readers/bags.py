@@ -119,7 +119,7 @@ def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: i
     if kind in MCAP_KINDS:
         definitions = {name: typestore(2).generate_msgdef(name, ros_version=2)[0] for name in types.values()}
         options = Chunks(
-            compression={"mcap-lz4": "lz4", "mcap-zstd": "zstd"}.get(kind, ""),
+            compression={"mcap-lz4": "lz4", "mcap-zstd": "zstd"}.get(kind, "none"),
             size=None if kind == "mcap-unchunked" else chunk,
             summary=kind != "mcap-no-summary",
         )
