@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,17 +33,12 @@ class Bound:
             "flag": () if self.flag is None else (self.flag,),
         }
 
-    def parted(self, track: str, parts: Mapping[str, str]) -> Bound:
-        """The same with the channels of `track` in the parts given by role."""
-
-        def moved(source: ChannelSource, role: str) -> ChannelSource:
-            return replace(source, part=parts[role]) if source.track == track and role in parts else source
-
-        mapping = self.mapping
-        state = tuple(moved(source, "state") for source in mapping.state)
-        action = tuple(moved(source, "action") for source in mapping.action)
-        flag = None if self.flag is None else moved(self.flag, "flag")
-        return Bound(replace(mapping, state=state, action=action), flag)
+    def changed(self, change: Callable[[ChannelSource, str], ChannelSource]) -> Bound:
+        """The same with every source as `change(source, role)` makes it."""
+        state = tuple(change(source, "state") for source in self.mapping.state)
+        action = tuple(change(source, "action") for source in self.mapping.action)
+        flag = None if self.flag is None else change(self.flag, "flag")
+        return Bound(replace(self.mapping, state=state, action=action), flag)
 
 
 @dataclass(frozen=True)
@@ -70,9 +65,7 @@ def bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> Boun
     flag = (
         None if rule.column is None else ChannelSource(rule.column, "", topic=rule.topic, field=rule.column)
     )
-    bound = Bound(
-        _with_topics(mapping, only), None if flag is None else replace(flag, topic=flag.topic or only)
-    )
+    bound = Bound(mapping, flag).changed(lambda source, _: replace(source, topic=source.topic or only))
     sources = [source for role in bound.roles.values() for source in role]
     if any(source.topic is None for source in sources):
         raise UsageError("mapping: the log has several topics, so every channel must name its topic")
@@ -84,25 +77,8 @@ def bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> Boun
         _refuse_text(name, source, topics[topic], rule)
         selections.setdefault(topic, {})[_selection(source)] = None
     several = {topic for topic, found in selections.items() if len(found) > 1}
-    return _with_selections(bound, several)
-
-
-def _with_topics(mapping: ImportMapping, only: str | None) -> ImportMapping:
-    state = tuple(replace(s, topic=s.topic or only) for s in mapping.state)
-    action = tuple(replace(s, topic=s.topic or only) for s in mapping.action)
-    return replace(mapping, state=state, action=action)
-
-
-def _with_selections(bound: Bound, several: set[str]) -> Bound:
-    """Rows of one selection hold nothing of another: where a topic has several, each is a part."""
-
-    def chosen(source: ChannelSource) -> ChannelSource:
-        return replace(source, part=_selection(source)) if source.topic in several else source
-
-    state, action = (tuple(map(chosen, sources)) for sources in (bound.mapping.state, bound.mapping.action))
-    return Bound(
-        replace(bound.mapping, state=state, action=action), None if bound.flag is None else chosen(bound.flag)
-    )
+    # Rows of one selection hold nothing of another: where a topic has several, each is a part.
+    return bound.changed(lambda s, _: replace(s, part=_selection(s)) if s.topic in several else s)
 
 
 def _selection(source: ChannelSource) -> str:
@@ -164,7 +140,11 @@ def groups(track: str, series: Series, bound: Bound) -> tuple[Bound, list[Group]
         held = [field for sources in roles.values() for source in sources for field in source.fields]
         fields = tuple(dict.fromkeys([*held, *clock]))
         found.append(Group(part, fields, np.flatnonzero(missing), "state" in roles))
-    return bound.parted(track, parts), found
+
+    def moved(source: ChannelSource, role: str) -> ChannelSource:
+        return replace(source, part=parts[role]) if source.track == track and role in parts else source
+
+    return bound.changed(moved), found
 
 
 def _missing(series: Series, fields: Sequence[str]) -> BoolArray:

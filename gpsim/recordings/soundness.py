@@ -156,7 +156,8 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
     spans = [(float(e.t[0]), float(e.t[-1])) for e in one.episodes]
     rows = np.flatnonzero(where.inside(track.t, spans))
     t, values = track.t[rows], samples(source, track, rows)
-    whole = np.flatnonzero(_near_a_turn(np.diff(values)) & _same_episode(t, spans))
+    turns = np.abs(np.abs(np.diff(values)) - TURN) <= NEAR * TURN
+    whole = np.flatnonzero(turns & _same_episode(t, spans))
     if not len(whole):
         return None
     name = source.name
@@ -169,10 +170,6 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
             f"{first}, and values in between would lie on the other side; say state.{name}.wraps=true"
         )
     return f"{first}; if it is an angle that wraps, say state.{name}.wraps=true"
-
-
-def _near_a_turn(steps: FloatArray) -> BoolArray:
-    return np.asarray(np.abs(np.abs(steps) - TURN) <= NEAR * TURN, dtype=np.bool_)
 
 
 def _same_episode(t: FloatArray, spans: Sequence[where.Interval]) -> BoolArray:

@@ -113,6 +113,7 @@ def build_track(
     )
     on_receive = group.is_state and clock.startswith("receive")
     ordered = in_order(t[rows], values, mapping.checks.jump, newest_of_burst=on_receive)
+    late = _late(series, epoch)
     return Track(
         topic=series.topic,
         type=series.type,
@@ -122,8 +123,8 @@ def build_track(
         read=len(t) + sum(series.dropped.values()),
         dropped=dropped | dict(ordered.dropped),
         noticed=ordered.noticed,
-        delay=_delay(series, epoch),
-        drift=_drift(series, epoch),
+        delay=_delay(late),
+        drift=_drift(late),
         part=group.part,
     )
 
@@ -133,26 +134,24 @@ def _never_set(series: Series, epoch: float) -> bool:
     return series.header is None or not np.any(series.header + epoch > 1e-6)
 
 
-def _late(series: Series, epoch: float) -> FloatArray:
-    """How much later than its stamp each message was received [s]; empty without stamps."""
+def _late(series: Series, epoch: float) -> FloatArray | None:
+    """How much later than its stamp each message was received [s]; None without stamps."""
     if series.header is None or _never_set(series, epoch):
-        return np.zeros(0)
+        return None
     late = series.receive - series.header
     return late[np.isfinite(late)]
 
 
-def _delay(series: Series, epoch: float) -> tuple[float, float, float] | None:
-    if series.header is None or _never_set(series, epoch):
+def _delay(late: FloatArray | None) -> tuple[float, float, float] | None:
+    if late is None:
         return None
-    late = _late(series, epoch)
     low, middle, high = np.percentile(late, [5, 50, 95]) if len(late) else (0.0, 0.0, 0.0)
     return float(middle), float(low), float(high)
 
 
-def _drift(series: Series, epoch: float) -> tuple[float, float] | None:
+def _drift(late: FloatArray | None) -> tuple[float, float] | None:
     """Least and largest delay that lasted: a median over a tenth of the log forgets what jitters or stands alone."""
-    late = _late(series, epoch)
-    if len(late) < 10:
+    if late is None or len(late) < 10:
         return None
     running = median_filter(late, size=int(np.clip(len(late) // 10, 5, LASTING)), mode="reflect")
     return float(running.min()), float(running.max())

@@ -51,13 +51,10 @@ def open_log(path: Path, *, salvage: bool = False, distro: str | None = None) ->
         raise UsageError(f"{one_line(path)}: cannot be opened: {one_line(error)}; check the path") from error
     if suffix in _TABLES and not folder:
         return _TABLES[suffix](path, salvage)
-    if suffix == ".bag" and not folder:
-        return BagLog(path, Bag1(path), salvage=salvage, distro=distro)
-    if folder:
-        container = Folder(path, _STORAGE)
+    openers: Mapping[str, Callable[[Path], Container]] = {".bag": Bag1, **_STORAGE}
+    if folder or suffix in openers:
+        container = Folder(path, _STORAGE) if folder else openers[suffix](path)
         return BagLog(path, container, salvage=salvage, distro=distro)
-    if suffix in _STORAGE:
-        return BagLog(path, _STORAGE[suffix](path), salvage=salvage, distro=distro)
     raise UsageError(
         f"{path}: kind of log not known by its name; known are {', '.join(KINDS)} and ROS 2 bag folders"
     )

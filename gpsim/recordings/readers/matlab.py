@@ -151,13 +151,13 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
         raise refusal(path, "MATLAB file", "it holds no numeric arrays")
     names = [path.stem, *(f"{path.stem}.{rows}" for rows in sizes[1:])]
     made = [
-        Table(name, "table", tuple(tables[rows]), rows, partial(_read, tables[rows]))
+        Table(name, "table", tuple(tables[rows]), rows, partial(_rows, tables[rows]))
         for name, rows in zip(names, sizes, strict=True)
     ]
     return TableLog(path, made, salvage=salvage)
 
 
-def _read(table: Mapping[str, FloatArray], columns: Sequence[str], ledger: Ledger) -> Rows:
+def _rows(table: Mapping[str, FloatArray], columns: Sequence[str], _: Ledger) -> Rows:
     return Rows({name: table[name] for name in columns})
 
 

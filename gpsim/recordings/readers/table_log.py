@@ -57,7 +57,7 @@ def read_layout(path: Path) -> Layout:
     lines = raw.decode(encoding, errors="replace").splitlines()
     if len(raw) == HEAD:
         lines = lines[:-1]
-    comments = _leading_comments(lines)
+    comments = next((i for i, s in enumerate(lines) if s.strip() and not _is_comment(s)), len(lines))
     whole = [line for line in lines[comments:] if line.strip()]
     body = whole[:40]
     if not body:
@@ -95,20 +95,15 @@ def _comments(path: Path, encoding: str, separator: str, count: int) -> tuple[in
     found, in_cells = [], False
     with path.open(encoding=encoding, errors="replace") as file:
         for number, line in enumerate(file):
-            if line.lstrip().startswith(("#", "%")):
+            if _is_comment(line):
                 found.append(number)
             elif "#" in line:
                 in_cells |= len(cells(line[: line.index("#")], separator)) < count
     return tuple(found) if in_cells else None
 
 
-def _leading_comments(lines: list[str]) -> int:
-    count = 0
-    for line in lines:
-        if line.strip() and not line.lstrip().startswith(("#", "%")):
-            break
-        count += 1
-    return count
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(("#", "%"))
 
 
 def cells(line: str, separator: str) -> list[str]:
