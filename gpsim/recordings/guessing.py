@@ -68,10 +68,9 @@ class System:
 class Guess:
     """A mapping, and how it came about.
 
-    taken: channel -> source as it is typed; missing: channels for which nothing sure was found, with what might be
-    theirs; unclear: channels whose source is likely, with the others; typed: every channel is told by the type of a
-    message; switch: a source that may say when the motors were on, and the words that cut the log by it; fit: how well
-    the names fit, summed.
+    taken: channel -> source as typed; missing: channels without a sure source, with what might be theirs; unclear:
+    channels whose source is likely, with the others; typed: every channel is told by the type of a message; switch: a
+    source that may say when the motors were on, and the words that cut the log by it; fit: of the names, summed.
     """
 
     system: System
