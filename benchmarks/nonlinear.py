@@ -26,7 +26,7 @@ from scipy.optimize import least_squares
 import gpsim
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
-from gpsim.face import CorrectedSimulator
+from gpsim import CorrectedSimulator
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import read_logs
