@@ -24,9 +24,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import gpsim
+from gpsim import CorrectedSimulator
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
-from gpsim import CorrectedSimulator
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import read_logs
@@ -71,12 +71,12 @@ def parts(found: Recording) -> tuple[Recording, FloatArray, FloatArray]:
     """What is learnt from, and the readings (K + 1, S) and commands (K, A) of the test record."""
     first, last = found.episodes[0], found.episodes[-1]
     if len(found.episodes) > 1:
-        return replace(found, episodes=(first,)), last.states, last.actions
+        return replace(found, episodes=(first,), held_out=None), last.states, last.actions
     cut = 4 * len(first.actions) // 5
     learnt = replace(
         first, t=first.t[: cut + 1], states=first.states[: cut + 1], actions=first.actions[:cut], weights=None
     )
-    return replace(found, episodes=(learnt,)), first.states[cut:], first.actions[cut:]
+    return replace(found, episodes=(learnt,), held_out=None), first.states[cut:], first.actions[cut:]
 
 
 def by(simulator: CorrectedSimulator, channel: str) -> Simulate:
@@ -125,7 +125,7 @@ def sindy(learnt: Recording, column: int, readings: FloatArray, actions: FloatAr
         weights = np.asarray(optimizer.coef_).ravel()
 
         def told(past: FloatArray, commands: FloatArray, library=library, weights=weights) -> FloatArray:
-            return free_run(past, commands, lambda x: float(np.asarray(library.transform(x)) @ weights))
+            return free_run(past, commands, lambda x: (np.asarray(library.transform(x)) @ weights).item())
 
         error = float(np.sqrt(np.mean((told(y, u)[WINDOW:] - y[WINDOW:]) ** 2)))
         if np.isfinite(error) and (best is None or error < best[0]):
