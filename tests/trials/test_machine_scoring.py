@@ -90,6 +90,12 @@ def test_what_is_told_and_not_there_is_spurious_headline_or_slight():
     assert scored(effects=[DAMPING, MASS, late], late={"q": 0.01})["spurious"] == 0
 
 
+def test_a_nuisance_that_the_catalogue_has_a_word_for_may_be_told_by_it():
+    named = said("cogging_force", name="amplitude")
+    assert scored(effects=[DAMPING, MASS, named])["spurious"] == 0
+    assert scored(effects=[DAMPING, MASS, named | {"on": "x"}])["spurious"] == 1
+
+
 def test_what_explains_as_much_stands_for_an_effect_with_the_sizes_that_go_with_it():
     assert scored(effects=[DAMPING, GAIN])["spurious"] == 1
     instead = [

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gpsim.trials import outside
+
 Json = Mapping[str, Any]
 Identity = tuple[str, str]
 Claim = frozenset[Identity]
@@ -21,6 +23,12 @@ def identity(effect: Json) -> Identity:
 def claims_of(effects: Sequence[Json]) -> Claim:
     """What a list of effects claims."""
     return frozenset(identity(e) for e in effects)
+
+
+def words_of(effects: Sequence[Json]) -> set[Identity]:
+    """What the catalogue calls those effects of an answer whose kinds have become its words."""
+    kinds = [(outside.EVERY_KIND[e["family"]].family, str(e["on"])) for e in effects if e["outside"]]
+    return {(family, on) for family, on in kinds if family}
 
 
 def headline_of(effects: Sequence[Json]) -> list[Json]:

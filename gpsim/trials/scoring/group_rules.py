@@ -18,6 +18,7 @@ from gpsim.trials.scoring.claims import (
     headline_of,
     identity,
     parameter_errors,
+    words_of,
 )
 
 
@@ -88,7 +89,7 @@ def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) ->
     """Everything that can be said of one diagnosis of a rough world; a missing report finds nothing.
 
     found: share of the main effects among the headline, or of an equivalent of them all; spurious: headline effects
-    that are neither, nor the lag of a late topic; asserted: those of them that are said to hold, with odds.
+    that are neither, nor what a nuisance may be called; asserted: those of them that are said to hold, with odds.
     """
     truth = frozenset(answer.claims)
     equal = {frozenset(r.claims) for r in rivals if r.equivalent and r.claims} - {truth}
@@ -110,7 +111,7 @@ def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) ->
         return out | {"verdict": "failed"} | wrong | nothing
     headline = headline_of(report["effects"])
     said = claims_of(headline)
-    allowed = frozenset().union(*right_claims) | late_claims(answer)
+    allowed = frozenset().union(*right_claims) | claims_of_nuisances(answer)
     spurious = [e for e in headline if identity(e) not in allowed]
     found = max(len(said & claims) / len(claims) for claims in right_claims)
     verdict = str(report["verdict"])
@@ -132,8 +133,8 @@ def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) ->
     return out
 
 
-def late_claims(answer: Answer) -> Claim:
-    """What the lag of a late topic may be called: it is true, though no physics.
+def claims_of_nuisances(answer: Answer) -> Claim:
+    """What a nuisance may be called: it is there. That is the lag of a late topic, and a kind that has become a word.
 
     Where all topics of the state are late together, that is the same as a late command.
     """
@@ -142,4 +143,4 @@ def late_claims(answer: Answer) -> Claim:
     claims = {("sensor_delay", channel) for channel in late}
     if set(late) == set(world.noise):
         claims |= {("actuator_delay", action) for action in answer.actions}
-    return frozenset(claims)
+    return frozenset(claims | words_of(answer.content["effects"]))

@@ -14,7 +14,7 @@ from typing import Any
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import MachineListing, Seen
 from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity, parameter_errors
-from gpsim.trials.scoring.group_rules import late_claims, rough_verdicts
+from gpsim.trials.scoring.group_rules import claims_of_nuisances, rough_verdicts
 
 MACHINES = "machines"
 SEEN, NEEDED, STANDS_OUT = 3.0, 0.01, 1.0  # nats, share of the mismatch, standard deviations of the noise
@@ -25,7 +25,7 @@ def score_machine(answer: Answer, report: Json | None, listing: MachineListing |
     """Everything that can be said of one diagnosis of a machine; a missing report tells nothing.
 
     effects_told: every effect of the machine, whether it counts and whether it was told, by its own name or by one that
-    stands for it; spurious: what was told and is none of them, nor the lag of a late topic.
+    stands for it; spurious: what was told and is none of them, nor what a nuisance may be called.
     """
     own = [e for e in answer.content["effects"] if not e["outside"]]
     truth, machine = frozenset(answer.claims), answer.content["world"]["machine"]
@@ -58,7 +58,7 @@ def score_machine(answer: Answer, report: Json | None, listing: MachineListing |
     said, whole = claims_of(report["effects"]), _whole(listing, report, truth)
     meant = said | set(listing.stands.values())
     told = [_of_effect(e, s, whole or identity(e) in meant) for e, s in zip(own, seen, strict=True)]
-    allowed = truth | set(listing.stands) | late_claims(answer)
+    allowed = truth | set(listing.stands) | claims_of_nuisances(answer)
     spurious = [] if whole else [e for e in report["effects"] if identity(e) not in allowed]
     counting = [t for t in told if t["counts"]]
     equivalents = whole or bool(listing.stands) or any(listing.equivalent[1:])

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.trials import outside
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring.claims import (
@@ -23,6 +22,7 @@ from gpsim.trials.scoring.claims import (
     headline_of,
     identity,
     parameter_errors,
+    words_of,
 )
 from gpsim.trials.scoring.gates import failed_gates, gate_figures
 from gpsim.trials.scoring.group_rules import score_robot, score_rough
@@ -41,7 +41,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
     truth = frozenset(answer.claims)
     inside = not any(e["outside"] for e in answer.content["effects"])
     equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
-    words = _words_of(answer.content["effects"])
+    named = words_of(answer.content["effects"])
+    words = {frozenset(named)} if named and len(answer.content["effects"]) == 1 else set()
     right_claims = (equal | {truth}) if inside else equal | words
     out: dict[str, Any] = {
         "stratum": answer.content["stratum"],
@@ -98,14 +99,6 @@ def _visited(answer: Answer) -> dict[str, tuple[float, float]]:
     readings = np.concatenate(answer.clean)
     edges = zip(readings.min(axis=0).tolist(), readings.max(axis=0).tolist(), strict=True)
     return dict(zip(SYSTEMS[answer.world.system].names, edges, strict=True))
-
-
-def _words_of(effects: Sequence[Json]) -> set[Claim]:
-    """The claim that names a world's only effect, a kind that has become a family of the catalogue since."""
-    if len(effects) != 1 or not effects[0]["outside"]:
-        return set()
-    family = outside.EVERY_KIND[effects[0]["family"]].family
-    return {frozenset({(family, effects[0]["on"])})} if family else set()
 
 
 def _families(claims: Claim) -> tuple[str, ...]:
