@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
+from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, support, supported
 from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
-from gpsim.diagnosis.attribution.support import _hidden, _spare, holds_in_halves
+from gpsim.diagnosis.attribution.support import _hidden, _spare, _stands_in, holds_in_halves
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import offers_of
-from gpsim.effects import Gate
+from gpsim.effects import Gate, effect_of
 from gpsim.recordings import HeldOut
 
 from . import laws
@@ -96,6 +96,25 @@ def test_what_explains_much_and_is_not_needed_is_spare(importance, needed, spare
 def test_what_is_slight_and_explains_nothing_hides_behind_a_models_own_step(role, importance, hidden):
     found = SimpleNamespace(roles=(role,), importance=(Share(importance, importance, importance),))
     assert _hidden(found, 0, Settings()) == hidden
+
+
+@pytest.mark.parametrize(
+    ("family", "role", "needed", "stands_in"),
+    [
+        ("cubic_spring", "slight", 0.004, True),
+        ("cubic_spring", "slight", 0.02, False),
+        ("cubic_spring", "headline", 0.004, False),
+        ("constant_force", "slight", 0.004, False),  # what every machine may have
+    ],
+)
+def test_what_is_slight_and_unusual_has_to_explain_more_than_what_nobody_names(
+    family, role, needed, stands_in
+):
+    leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=(SimpleNamespace(effect=effect_of(family)),)))
+    found = SimpleNamespace(
+        roles=(role,), needed=(Share(needed, needed, needed),), share=Share(0.99, 0.98, 1.0)
+    )
+    assert _stands_in(leader, found, 0) == stands_in
 
 
 def test_of_two_that_share_what_they_explain_one_goes_where_more_is_left_than_chance_makes():
@@ -184,6 +203,16 @@ def test_a_region_that_hides_nothing_is_no_part_of_a_law():
     wider = plainer(question.everything, leader, attribute(question, leader, null_of(question)), ())
     assert not any(term.gate for term in wider.hypothesis.terms)
     assert supported(question, leader, null_of(question), structured=True).hypothesis.terms[-1].gate == Gate()
+
+
+def test_what_paid_by_its_gate_alone_goes_with_it(monkeypatch):
+    """A region that mends what nobody names is opened; everywhere its law pays for nothing."""
+    question, wider = laws.explained_by(BRAKED, *LAWS, ("quadratic_drag", "q"))
+    answers = iter([wider])
+    monkeypatch.setattr(support, "plainer", lambda *asked: next(answers, None))
+    monkeypatch.setattr(support, "_unsupported", lambda *asked: None)
+    left = supported(question, wider, null_of(question), structured=True)
+    assert left.hypothesis.claims == {*LAWS}
 
 
 @pytest.mark.parametrize(("at_rest", "plain"), [(1.0, True), (2.5, False)])

@@ -20,7 +20,7 @@ from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.twins import unsure_twins
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
-from gpsim.diagnosis.selection import is_row, required_in, whole_robot
+from gpsim.diagnosis.selection import is_row, lean, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
@@ -50,14 +50,14 @@ def supported(
     structured: whether the leader leaves something that chance would not; then a region, an onset or a law's further
     parameter is easily found that mends some of it. offers: what a law may be a plainer form of.
     """
-    problem = question.everything
+    problem, before = question.everything, leader
     while leader.hypothesis.terms:
         found = attribute(question, leader, null)
         plain = plainer(problem, leader, found, offers) if structured else None
         if plain is not None:
             names = (leader.hypothesis.names, plain.hypothesis.names)
             problem.run.trace.note(*names, False, "a plainer law does as well")
-            leader = plain
+            leader = lean(problem, plain)  # what paid by its gate alone does not pay without it
             continue
         less = fits_without(problem, leader, null)
         free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
@@ -71,7 +71,7 @@ def supported(
             continue
         said = _unsupported(problem, leader, found, less, free, structured)
         if said is None:
-            break
+            return leader if leader is before or robot else lean(problem, leader)
         index, why = said
         names = (leader.hypothesis.names, less[index].hypothesis.names)
         problem.run.trace.note(*names, False, why)
@@ -115,6 +115,9 @@ def _unsupported(
     odd = [i for i in free if structured and found.roles[i] == "slight" and _implausible(leader, i, settings)]
     if odd:
         return least(odd, "slight, and no machine has such a size")
+    strange = [i for i in free if structured and _stands_in(leader, found, i)]
+    if strange:
+        return least(strange, "slight, unusual, and less than what is left")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
@@ -143,6 +146,13 @@ def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> b
     gated = bool(leader.hypothesis.terms[index].gate)
     left = 1.0 - found.share.share
     return gated and not matters(found.needed[index], left, settings.attribution)
+
+
+def _stands_in(leader: Fit, found: Attribution, index: int) -> bool:
+    """Whether a slight term, not of the usual machine, explains less than what nobody names: it may stand for that."""
+    usual = leader.hypothesis.terms[index].effect.usual > 0
+    left = 1.0 - found.share.share
+    return found.roles[index] == "slight" and not usual and found.needed[index].share < left
 
 
 def _spare(found: Attribution, index: int, settings: Settings) -> bool:
