@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.attribution.importance import importances, players
-from gpsim.diagnosis.attribution.twins import inertias, unsure_twins
+from gpsim.diagnosis.attribution.twins import unsure_twins
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit, quadratic, scores
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.selection import usual_machine
+from gpsim.diagnosis.selection import inertias, usual_machine
 from gpsim.diagnosis.selection.acceptance import _held
 from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, doubtful
+from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
@@ -56,9 +57,12 @@ def test_four_large_effects_at_once_are_found_with_their_sizes(best):
         assert value / scale == pytest.approx(size, rel=0.05), family
 
 
-def test_the_path_is_one_of_ever_fewer_terms(path):
+def test_the_paths_are_two_of_ever_fewer_terms_the_second_without_the_inertia(path):
     counts = [len(f.hypothesis.terms) for f in path]
-    assert counts == sorted(set(counts), reverse=True)
+    second = counts.index(counts[0] - 1, 2)
+    for part in (counts[:second], counts[second:]):
+        assert part == sorted(set(part), reverse=True)
+    assert not any(("parameter_offset", "mass") in f.hypothesis.claims for f in path[second:])
 
 
 def test_the_quadratic_foretells_what_leaving_a_term_out_costs(asked, best):
@@ -142,3 +146,14 @@ def test_of_a_gain_beside_its_inertia_the_account_is_unsure(asked, best):
     both = fit(problem, child_of(best.hypothesis, candidate, (1.1,)), best.starts, near=True)
     twins = unsure_twins(problem, both)
     assert {both.hypothesis.terms[i].family for i in twins} == {"actuator_gain", "parameter_offset"}
+
+
+def test_beside_a_gain_an_inertia_that_it_moves_may_be_left_out():
+    terms = [("actuator_gain", "force"), ("parameter_offset", "pole_mass"), ("parameter_offset", "cart_mass")]
+
+    def moved(some):
+        account = Hypothesis(tuple(Term(f, on, {}) for f, on in some), ((),) * len(some))
+        return moved_inertias(make_simulator("cartpole"), account)
+
+    assert moved(terms) == [2]
+    assert moved(terms[1:]) == []

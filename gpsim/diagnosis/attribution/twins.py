@@ -10,13 +10,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Problem, curvature
-from gpsim.simulators import Simulator
+from gpsim.diagnosis.selection import inertias
 
 SURELY = (
     3.0  # standard errors that a gain or an inertia is away from what is believed, where it surely differs
 )
-PUSHES_LESS = (-1.25, -0.5)  # by what power of an inertia a force's acceleration changes
-STEP = 0.01  # of a parameter, relative
 TINY = 1e-300  # guards a division by what windows do not know
 
 
@@ -33,27 +31,6 @@ def unsure_twins(problem: Problem, leader: Fit) -> list[int]:
         if twins and not any(_sure(problem, leader)[i] for i in twins):
             return twins
     return []
-
-
-def inertias(simulator: Simulator, coordinate: str) -> tuple[str, ...]:
-    """Parameters of which a force on the coordinate accelerates it inversely; none of a simulator that hides that."""
-    names, believed = [c.name for c in simulator.coordinates], simulator.defaults()
-    at, state = names.index(coordinate), np.full((1, len(simulator.state)), 0.1)
-
-    def pushed(parameters: dict[str, float]) -> float:
-        moved = simulator.mobility(state, parameters, at)
-        return 0.0 if moved is None else float(moved[0, at])
-
-    plain = pushed(dict(believed))
-    if plain <= 0.0:
-        return ()
-    low, high = PUSHES_LESS
-    power = {
-        name: np.log(pushed({**believed, name: value * (1 + STEP)}) / plain) / np.log1p(STEP)
-        for name, value in believed.items()
-        if value > 0
-    }
-    return tuple(name for name, p in power.items() if low <= p <= high)
 
 
 def _sure(problem: Problem, leader: Fit) -> FloatArray:

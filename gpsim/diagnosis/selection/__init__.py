@@ -12,6 +12,7 @@ from gpsim.diagnosis.selection.outside_acts import without_outside_acts
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
 from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
 from gpsim.diagnosis.selection.required import required_in, without_idle
+from gpsim.diagnosis.selection.scaling import inertias
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open, plain_forms
 from gpsim.diagnosis.selection.usual import usual_machine
@@ -30,6 +31,7 @@ __all__ = [
     "beam_search",
     "held_out_fit",
     "held_out_objective",
+    "inertias",
     "is_row",
     "lack_of_fit",
     "lack_of_memory",

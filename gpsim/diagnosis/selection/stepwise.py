@@ -51,6 +51,7 @@ from gpsim.diagnosis.selection.gates import (
     with_refined_edges,
 )
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
+from gpsim.diagnosis.selection.reconsidered import reconsidered
 from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
 from gpsim.diagnosis.settings import schedules
@@ -117,6 +118,10 @@ def improved(
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most, gates=False)
         tried += _new(children, tried)
+        again = _reconsidered(problem, leader, offers) if problem.run.budget.spent < enough else []
+        tried += again
+        best = simplest(problem, [leader, *again])
+        leader = _finished(problem, best) if _advances(problem, best, leader) else leader
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = _all_substitutes(problem, leader, offers, enough)
         near = sorted(
@@ -160,6 +165,14 @@ def _all_substitutes(
         asked = [i for i in asked if not is_row(leader.hypothesis.terms[i].effect)]
     calls = [(problem, leader, i, offers, twins) for i in asked]
     return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
+
+
+def _reconsidered(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
+    """What is left of the leader beside the usual machine; of what says no more, also without what does not pay."""
+    found, size = reconsidered(problem, leader, offers), len(leader.hypothesis.parameters)
+    alike = [f for f in found if len(f.hypothesis.parameters) <= size]
+    leaned = [lean(problem, f) for f in alike if f.objective < leader.objective + AS_WELL]
+    return [*found, *_new(leaned, found)]
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:

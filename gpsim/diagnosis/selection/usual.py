@@ -31,6 +31,7 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.selection.elimination import is_row
+from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
 from gpsim.effects import closed, effect_of
 
@@ -46,18 +47,32 @@ MISJUDGED = (
 
 def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     """Fits of the full model and of its best parts, the largest first; none where no usual term is on offer."""
-    usual = [c for c in offers if _is_usual(problem, c)]
+    usual = [c for c in offers if is_usual(problem, c)]
     if not usual:
         return []
     problem = replace(
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
-    path = _with_less(problem, _full_model(problem, usual))
+    path = taken_away(problem, _full_model(problem, usual))
     masses = [c for c in offers if _is_mass_of_a_small_robot(problem, c)]
     if masses and _something_is_left(problem, path):
         path += _with_less(problem, _with_masses(problem, path[0], masses))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
+    return path
+
+
+def taken_away(problem: Problem, full: Fit) -> list[Fit]:
+    """The full model and its parts; where it has a gain and the inertia that it moves, also those without the latter.
+
+    All that moves together may scale. By turns the less usual gain would go, and what it does for several inertias,
+    each of them would have to do.
+    """
+    path, moved = _with_less(problem, full), moved_inertias(problem.simulator, full.hypothesis)
+    if moved and not _dear(problem):
+        less = quadratic(problem, full).without(moved)
+        order = Order(less, full.starts, schedules.TRIAL, schedules.ROUGH, near=True)
+        path += _with_less(problem, fit_order(problem, order))
     return path
 
 
@@ -91,7 +106,7 @@ def _near_the_best(problem: Problem, path: list[Fit]) -> bool:
     return bool(nats.max() - nats[-1] < BEHIND)
 
 
-def _is_usual(problem: Problem, candidate: Candidate) -> bool:
+def is_usual(problem: Problem, candidate: Candidate) -> bool:
     """Whether the full model has it; where every term costs a simulation of a whole robot, what acts at its joints."""
     effect = effect_of(candidate.family)
     if not effect.usual or candidate.variant:
@@ -155,10 +170,12 @@ def _fewer_terms(problem: Problem, found: Fit) -> Fit:
     """The best account with less: all terms that cost nothing together, or else one of the cheapest."""
     around = quadratic(problem, found)
     ranks = [effect_of(t.family).usual for t in found.hypothesis.terms]
+    nothing = 0.0 if _dear(problem) else FREE  # what costs no more costs nothing
 
     def cheapest(gone: list[int]) -> list[int]:
         left = [i for i in range(len(ranks)) if i not in gone]
-        return sorted(left, key=lambda i: (round(around.cost([*gone, i]), 1), ranks[i]))
+        costs = {i: around.cost([*gone, i]) for i in left}
+        return sorted(left, key=lambda i: (round(costs[i], 1) if costs[i] > nothing else 0.0, ranks[i]))
 
     def order(gone: Sequence[int]) -> Order:
         return Order(around.without(gone), found.starts, schedules.TRIAL, schedules.ROUGH, near=True)
