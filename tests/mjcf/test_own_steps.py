@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
+from scipy.linalg import expm
 
 from gpsim.diagnosis.fitting import Hypothesis, growth
 from gpsim.diagnosis.setup import prepare
@@ -124,3 +125,30 @@ def test_a_model_of_many_joints_is_not_stepped_finely(tmp_path):
         asked = replace(problem, run=replace(problem.run, settings=chosen))
         known.append(steps_with_friction(asked, rubbed(tmp_path, 1e-4).recording))
     assert known == [{"q": 6}, {}]
+
+
+def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(tmp_path):
+    inertia, stiff, damped, noise, dt = 0.005, 400.0, 5.0, 2e-5, 0.01
+    xml = f"""<mujoco><option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/><worldbody><body name="link">
+    <inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/><joint name="q" axis="0 0 1"/></body>
+    </worldbody><actuator><position name="servo" joint="q" kp="{stiff}" kv="{damped}"/></actuator></mujoco>"""
+    simulator, rng = load_mjcf(written(tmp_path, xml)), np.random.default_rng(3)
+    once = expm(dt * np.array([[0.0, 1.0], [-stiff / inertia, -damped / inertia]]))
+    episodes = []
+    for name in "abcdef":
+        wave = rng.normal(size=(4, 2)) / np.arange(1, 5)[:, None]
+        t = dt * np.arange(150)
+        command = sum(0.2 * a * np.sin(2.0 * k * t + b) for k, (a, b) in enumerate(wave, 1))
+        states = [np.array([command[0], 0.0])]
+        for u in command[:-1]:
+            there = np.array([u, 0.0])
+            states.append(there + once @ (states[-1] - there))
+        read = np.array(states) + noise * rng.normal(size=(150, 2)) * [1.0, 100.0]
+        episodes.append(Episode(name, t, read, command[:-1, None]))
+    recording = Recording(
+        "mjcf", simulator.state, simulator.action, tuple(episodes), dt, velocities="measured",
+        noise={"q": noise, "q_dot": 100.0 * noise},
+    )  # fmt: skip
+    problem = prepare(recording, simulator, simulator.defaults()).searched
+    assert problem.substeps > simulator.steps_of(dt)
+    assert problem.floor[0] < 1.5 * noise

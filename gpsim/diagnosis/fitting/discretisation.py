@@ -29,8 +29,9 @@ TOLERATED_BY_COARSER = 0.003
 joints all rub: fits by worse slopes creep, and end far from where they should)."""
 TOLERATED_STEP_ERROR = 3e-4
 """Of a channel's spread: what halving the steps may change, if it is more than noise hides."""
-COARSER_EXACT_STEPS = (8, 5, 4, 3, 2, 1)
-"""Times as long as its own, steps of a method of higher order that are tried."""
+EXACT_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5, 0.25)
+"""Times as long as its own, steps of a method of higher order that are tried (a model's own step of first order is off
+by a millimetre where stiff servos move light links, and hides all that encoders tell)."""
 COST_OF_EXACT = 4.0  # steps of its own that such a step costs (Runge and Kutta's four stages)
 
 
@@ -62,7 +63,7 @@ def stepped(problem: Problem) -> Problem:
     best, least = problem, np.inf
     at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
     theta, starts = at.hypothesis.theta[None], at.starts[None]
-    exact, few = system.exact(), sorted({max(fewest, -(-own // times)) for times in COARSER_EXACT_STEPS})
+    exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         tried = replace(problem, simulator=simulator, substeps=steps)
