@@ -74,10 +74,11 @@ def body_of(
     names = names_of(base, where)
     _check(base, where)
     model = copy.copy(base)
-    model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    off = mj.mjtDisableBit
+    model.opt.disableflags |= int(off.mjDSBL_CLAMPCTRL) | int(off.mjDSBL_ISLAND) | int(off.mjDSBL_SENSOR)
     _let_friction_act(model)
     if not contacts:
-        model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CONTACT)
+        model.opt.disableflags |= int(off.mjDSBL_CONTACT)
     if exact:
         model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
     model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE

@@ -151,3 +151,18 @@ def test_held_out_windows_veto_a_whole_robot_only_where_they_say_as_much_as_a_pa
     )
     assert _pardoned(problem, robot, null) == pytest.approx(100.0)
     assert _pardoned(problem, single, null) == 0.0
+
+
+def test_the_start_finds_commands_that_are_all_late_beside_friction_of_both_joints(rubbing):
+    question = rubbing[0]
+    # What was logged was given a sample before it acted.
+    episodes = tuple(
+        replace(e, t=e.t[:-1], states=e.states[:-1], actions=e.actions[1:])
+        for e in question.recording.episodes
+    )
+    recording = replace(question.recording, episodes=episodes, velocities="differentiated")
+    simulator = question.whole
+    said = _begun(prepare(recording, simulator, simulator.defaults(), Run()))
+    for i, (on, command) in enumerate((("shoulder", "m1"), ("elbow", "m2"))):
+        assert said["actuator_delay", command] == pytest.approx(DT, rel=0.2)
+        assert said["coulomb_friction", on] == pytest.approx(DRY[i], rel=0.15)

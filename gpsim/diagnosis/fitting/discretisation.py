@@ -21,6 +21,8 @@ ERROR_MARGIN = 2.0
 stops a body)."""
 ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
 FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
+FINER_SHARE = 0.01
+"""Of the variance left over, that it must take off where steps are dear: half of what a term must."""
 FINER_ITERATIONS = 8  # of a fit on a finer grid
 COARSER_STEPS = (20, 10, 5, 4, 3, 2)
 """Times as long as its own the steps may be in which slopes are found, the first that will do."""
@@ -148,14 +150,23 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     system = closed(problem.simulator)
     if system is not None and system.own_grid:  # its step is a part of what is believed
         return problem.substeps, best
-    substeps, at = problem.substeps, best
+    substeps, at, least = problem.substeps, best, FINER_GAIN
+    if system is not None:
+        least = max(least, FINER_SHARE * float(problem.counts.sum()) / 2)
     while at.hypothesis.scheme == "fine" and substeps < problem.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)
+        if system is not None and abs(_as_it_is(grid, at) - at.objective) < least:
+            break  # steps are dear
         finer = fit(grid, at.hypothesis, at.starts, iterations=FINER_ITERATIONS, near=True)
-        if finer.objective > at.objective - FINER_GAIN:
+        if finer.objective > at.objective - least:
             break
         substeps, at = 2 * substeps, finer
     return substeps, at
+
+
+def _as_it_is(problem: Problem, at: Fit) -> float:
+    """The objective of a fit in the problem's steps, nothing adapted."""
+    return fit(problem, at.hypothesis.frozen(), at.starts, iterations=0).objective
 
 
 def settled(problem: Problem, best: Fit) -> Problem:

@@ -19,6 +19,7 @@ from gpsim.diagnosis.selection import (
     lack_of_memory,
     null_of,
     simplest,
+    whole_robot,
 )
 from gpsim.diagnosis.setup import Question
 
@@ -135,6 +136,8 @@ def _left_over(problem: Problem, leader: Fit) -> tuple[float, LackOfFit | None, 
     A residual that is not quite white is nothing by itself where nothing pays.
     """
     p_value, _ = whiteness(problem, leader)
+    if whole_robot(problem, leader.hypothesis) and p_value >= problem.run.settings.acceptance.structured:
+        return p_value, None, False  # of noise alone no law is asked: thousands of pushes are dear
     lack = lack_of_fit(problem, leader)
     if lack is None or not lack.significant:
         remembered = lack_of_memory(problem, leader)

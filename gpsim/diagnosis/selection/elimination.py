@@ -18,6 +18,7 @@ from gpsim.diagnosis.fitting import (
     quadratic,
     rescored,
     scores,
+    whiteness,
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import LEAST_PART, pays
@@ -133,6 +134,12 @@ def whole_robot(problem: Problem, hypothesis: Hypothesis) -> bool:
         return False
     rows = [is_row(term.effect) and not term.gate for term in hypothesis.terms]
     return len(rows) > SMALL_ACCOUNT or (len(rows) >= ROWS and all(rows))
+
+
+@kept
+def only_noise(problem: Problem, leader: Fit) -> bool:
+    """Whether a fit leaves nothing that chance would not."""
+    return whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured
 
 
 STARTS = 3  # steps of a fit of start states by slopes that are known

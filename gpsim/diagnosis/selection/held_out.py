@@ -7,6 +7,7 @@ from scipy.special import stdtr
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, window_costs
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.settings import schedules
 
 PLAIN_GAIN = 50.0
@@ -24,6 +25,7 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
     return held_out_fit(problem, hypothesis).objective
 
 
+@kept
 def held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
     """The hypothesis as it is on windows whose start states alone are fitted."""
     steps = schedules.SETTLE

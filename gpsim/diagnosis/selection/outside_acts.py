@@ -16,10 +16,10 @@ from scipy.spatial import cKDTree
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.selection.heavy_tails import NORMAL_MEDIAN
-from gpsim.diagnosis.settings import schedules
+from gpsim.diagnosis.selection.held_out import held_out_fit
 from gpsim.diagnosis.setup import Question
 from gpsim.recordings import Episode, Recording
 
@@ -75,7 +75,7 @@ def _few_that_rule(costs: Sequence[FloatArray], which: Sequence[BoolArray]) -> b
 def _missed(problem: Problem, best: Hypothesis) -> tuple[FloatArray, IntArray]:
     """(W,) the mean square that each window leaves, in parts of what is usual, and where it bends most."""
     windows = problem.windows
-    at = fit(problem, best.frozen(), windows.measured[:, 0], iterations=schedules.SETTLE)
+    at = held_out_fit(problem, best)
     counted = problem.counted & np.ones_like(at.residuals, dtype=np.bool_)
     total, samples = np.zeros(len(windows)), np.zeros(len(windows))
     bend = np.zeros((len(windows), windows.length - 1))

@@ -110,9 +110,7 @@ def _begun(problem: Problem, hypotheses: Sequence[Hypothesis], measured: FloatAr
     large = next((h for h in hypotheses if len(h.terms) > small), None)
     if large is None:
         return measured
-    return fit(
-        problem, large.frozen(), measured, iterations=schedules.SETTLE, tolerance=schedules.ROUGH
-    ).starts
+    return held_out_fit(problem, large).starts
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:

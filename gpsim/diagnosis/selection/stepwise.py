@@ -37,6 +37,7 @@ from gpsim.diagnosis.selection.elimination import (
     lean,
     likeliest,
     on_some_windows,
+    only_noise,
     simplest,
     whole_robot,
 )
@@ -56,7 +57,7 @@ from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import LooksAt, closed
+from gpsim.effects import Effect, LooksAt, closed, effect_of
 
 AGAIN_BUDGET = 4e7
 """Effort of searching on without a term that support took out, each time [simulated rows] (by hand, for a minute of
@@ -163,16 +164,21 @@ def _all_substitutes(
     asked = range(count) if closed(problem.simulator) is None else doubtful(problem, leader)
     if whole_robot(problem, leader.hypothesis):  # what every joint has stands for nothing else
         asked = [i for i in asked if not is_row(leader.hypothesis.terms[i].effect)]
-    calls = [(problem, leader, i, offers, twins) for i in asked]
+        offers = [c for c in offers if not is_row(effect_of(c.family))]
+    calls = [(problem, leader, i, _alike(problem, leader, i, offers), twins) for i in asked]
     return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
 
 
-def _reconsidered(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
-    """What is left of the leader beside the usual machine; of what says no more, also without what does not pay."""
-    found, size = reconsidered(problem, leader, offers), len(leader.hypothesis.parameters)
-    alike = [f for f in found if len(f.hypothesis.parameters) <= size]
-    leaned = [lean(problem, f) for f in alike if f.objective < leader.objective + AS_WELL]
-    return [*found, *_new(leaned, found)]
+def _alike(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> Sequence[Candidate]:
+    """What may stand in a term's place: of a whole robot a body's for a body's, a command's for a command's."""
+    if not whole_robot(problem, leader.hypothesis):
+        return offers
+    kind = _kind(leader.hypothesis.terms[index].effect)
+    return [c for c in offers if _kind(effect_of(c.family)) == kind]
+
+
+def _kind(effect: Effect) -> str:
+    return "model" if effect.site == "parameter" else effect.site
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
@@ -263,6 +269,8 @@ def _children(
     most: the effort after which nothing more is begun.
     """
     settings = problem.run.settings.stepwise
+    if whole_robot(problem, leader.hypothesis) and only_noise(problem, leader):
+        return []
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]

@@ -39,6 +39,7 @@ FREE = 0.5  # nats that terms may cost together and still go at once, without a 
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
+LATE = "actuator_delay"
 MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
@@ -53,10 +54,10 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     problem = replace(
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
-    path = taken_away(problem, _full_model(problem, usual))
-    masses = [c for c in offers if _is_mass_of_a_small_robot(problem, c)]
-    if masses and _something_is_left(problem, path):
-        path += _with_less(problem, _with_masses(problem, path[0], masses))
+    path = _with_less(problem, _full_model(problem, usual))
+    beside = [c for c in offers if _is_late(problem, c) or _is_mass_of_a_small_robot(problem, c)]
+    if beside and _something_is_left(problem, path):
+        path += _with_less(problem, _with_more(problem, path[0], beside))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
@@ -92,12 +93,12 @@ def _something_is_left(problem: Problem, path: list[Fit]) -> bool:
     return whiteness(problem, best)[0] <= problem.run.settings.acceptance.structured
 
 
-def _with_masses(problem: Problem, full: Fit, masses: Sequence[Candidate]) -> Fit:
-    """The full model, already fitted, with masses beside it: from nothing, together with friction, they lead astray."""
-    heavy = full.hypothesis
-    for c in masses:
-        heavy = child_of(heavy, c, tuple(p.none for p in c.declared))
-    return fit_order(problem, Order(heavy, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
+def _with_more(problem: Problem, full: Fit, beside: Sequence[Candidate]) -> Fit:
+    """The full model, already fitted, with masses and late commands: from nothing, beside friction, they mislead."""
+    more = full.hypothesis
+    for c in beside:
+        more = child_of(more, c, tuple(p.none for p in c.declared))
+    return fit_order(problem, Order(more, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
 
 
 def _near_the_best(problem: Problem, path: list[Fit]) -> bool:
@@ -112,6 +113,11 @@ def is_usual(problem: Problem, candidate: Candidate) -> bool:
     if not effect.usual or candidate.variant:
         return False
     return not _dear(problem) or is_row(effect)
+
+
+def _is_late(problem: Problem, candidate: Candidate) -> bool:
+    """Whether it is a delay of a command of a robot: one by one, beside commands that are all late, none is found."""
+    return _dear(problem) and candidate.family == LATE
 
 
 def _is_mass_of_a_small_robot(problem: Problem, candidate: Candidate) -> bool:
