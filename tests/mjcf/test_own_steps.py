@@ -7,7 +7,7 @@ import pytest
 from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
 from scipy.linalg import expm
 
-from gpsim.diagnosis.fitting import Hypothesis, growth
+from gpsim.diagnosis.fitting import Hypothesis, fit, growth
 from gpsim.diagnosis.setup import prepare
 from gpsim.diagnosis.setup.candidates import offers_of
 from gpsim.diagnosis.setup.own_steps import steps_with_friction
@@ -127,28 +127,53 @@ def test_a_model_of_many_joints_is_not_stepped_finely(tmp_path):
     assert known == [{"q": 6}, {}]
 
 
-def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(tmp_path):
-    inertia, stiff, damped, noise, dt = 0.005, 400.0, 5.0, 2e-5, 0.01
+NOISE = 2e-5
+
+
+def tracked(folder, dt):
+    """The question of a light link that a stiff servo moves along waves, in closed form; and its model's step."""
+    inertia, stiff, damped = 0.005, 400.0, 5.0
     xml = f"""<mujoco><option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/><worldbody><body name="link">
     <inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/><joint name="q" axis="0 0 1"/></body>
     </worldbody><actuator><position name="servo" joint="q" kp="{stiff}" kv="{damped}"/></actuator></mujoco>"""
-    simulator, rng = load_mjcf(written(tmp_path, xml)), np.random.default_rng(3)
+    simulator, rng = load_mjcf(written(folder, xml)), np.random.default_rng(3)
     once = expm(dt * np.array([[0.0, 1.0], [-stiff / inertia, -damped / inertia]]))
     episodes = []
     for name in "abcdef":
-        wave = rng.normal(size=(4, 2)) / np.arange(1, 5)[:, None]
-        t = dt * np.arange(150)
-        command = sum(0.2 * a * np.sin(2.0 * k * t + b) for k, (a, b) in enumerate(wave, 1))
+        t = dt * np.arange(round(1.5 / dt))
+        waves = rng.normal(size=(4, 2)) / np.arange(1, 5)[:, None]
+        command = sum(0.2 * a * np.sin(2.0 * k * t + b) for k, (a, b) in enumerate(waves, 1))
         states = [np.array([command[0], 0.0])]
         for u in command[:-1]:
             there = np.array([u, 0.0])
             states.append(there + once @ (states[-1] - there))
-        read = np.array(states) + noise * rng.normal(size=(150, 2)) * [1.0, 100.0]
+        read = np.array(states) + NOISE * rng.normal(size=(len(t), 2)) * [1.0, 100.0]
         episodes.append(Episode(name, t, read, command[:-1, None]))
     recording = Recording(
         "mjcf", simulator.state, simulator.action, tuple(episodes), dt, velocities="measured",
-        noise={"q": noise, "q_dot": 100.0 * noise},
+        noise={"q": NOISE, "q_dot": 100.0 * NOISE},
     )  # fmt: skip
-    problem = prepare(recording, simulator, simulator.defaults()).searched
-    assert problem.substeps > simulator.steps_of(dt)
-    assert problem.floor[0] < 1.5 * noise
+    return prepare(recording, simulator, simulator.defaults())
+
+
+def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(tmp_path):
+    problem = tracked(tmp_path, 0.01).searched
+    assert problem.substeps > problem.simulator.steps_of(0.01)
+    assert problem.floor[0] < 1.5 * NOISE
+
+
+def test_commands_of_a_stiff_servo_are_not_averaged(tmp_path):
+    question = tracked(tmp_path, 0.005)
+    assert question.thinned == 1
+    nothing, problem = Hypothesis(), question.searched
+    left = fit(problem, nothing, problem.windows.measured[:, 0]).residuals
+    assert np.sqrt(np.mean(left[..., 0] ** 2)) < 1.2 * NOISE
+
+
+def test_commands_of_a_motor_are_averaged_on_a_fast_clock(tmp_path):
+    simulator, t = load_mjcf(written(tmp_path, SLIDER)), 0.005 * np.arange(400)
+    x = np.stack([np.sin(2.0 * t), 2.0 * np.cos(2.0 * t)], axis=1)
+    push = -4.0 * MASS * np.sin(2.0 * t[:-1, None])
+    episodes = tuple(Episode(name, t, x, push) for name in "abcd")
+    recording = Recording("mjcf", simulator.state, simulator.action, episodes, 0.005, velocities="measured")
+    assert prepare(recording, simulator, simulator.defaults()).thinned == 2

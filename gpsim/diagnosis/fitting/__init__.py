@@ -4,6 +4,7 @@ from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
     FINER_GAIN,
     TOLERATED_NOISE,
+    TOLERATED_STEP_ERROR,
     USUAL_SUBSTEP,
     dry_steps,
     enough_substeps,
@@ -35,6 +36,7 @@ from gpsim.diagnosis.fitting.simulate import simulate
 __all__ = [
     "FINER_GAIN",
     "TOLERATED_NOISE",
+    "TOLERATED_STEP_ERROR",
     "USUAL_SUBSTEP",
     "Candidate",
     "Curvature",

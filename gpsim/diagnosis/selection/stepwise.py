@@ -270,7 +270,7 @@ def _children(
     """
     settings = problem.run.settings.stepwise
     if whole_robot(problem, leader.hypothesis) and only_noise(problem, leader):
-        return []
+        offers = [c for c in offers if _kind(effect_of(c.family)) == "model"]  # all else would show
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]

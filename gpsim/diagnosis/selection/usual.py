@@ -54,10 +54,17 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     problem = replace(
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
-    path = _with_less(problem, _full_model(problem, usual))
-    beside = [c for c in offers if _is_late(problem, c) or _is_mass_of_a_small_robot(problem, c)]
-    if beside and _something_is_left(problem, path):
-        path += _with_less(problem, _with_more(problem, path[0], beside))
+    full = _full_model(problem, usual)
+    path = _with_less(problem, full)
+    late = [c for c in offers if _is_late(problem, c)]
+    if late and _something_is_left(problem, path):
+        also = _all_late(problem, [*usual, *late])
+        if also.objective < full.objective:
+            full = also
+            path += _with_less(problem, full)
+    masses = [c for c in offers if _is_mass_of_a_small_robot(problem, c)]
+    if masses and _something_is_left(problem, path):
+        path += _with_less(problem, _with_masses(problem, full, masses))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
@@ -93,12 +100,28 @@ def _something_is_left(problem: Problem, path: list[Fit]) -> bool:
     return whiteness(problem, best)[0] <= problem.run.settings.acceptance.structured
 
 
-def _with_more(problem: Problem, full: Fit, beside: Sequence[Candidate]) -> Fit:
-    """The full model, already fitted, with masses and late commands: from nothing, beside friction, they mislead."""
-    more = full.hypothesis
-    for c in beside:
-        more = child_of(more, c, tuple(p.none for p in c.declared))
-    return fit_order(problem, Order(more, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
+def _all_late(problem: Problem, every: Sequence[Candidate]) -> Fit:
+    """All terms from nothing, commands late by most of a sample: beside others that are late no single one is found."""
+    begun = Hypothesis()
+    for c in every:
+        begun = child_of(begun, c, (c.declared[0].starts[0],) if _is_late(problem, c) else _nothing(c))
+    starts = problem.windows.measured[:, 0]
+    found = fit_order(problem, Order(begun, starts, schedules.GLANCE, schedules.ROUGH))
+    again = Order(found.hypothesis, found.starts, schedules.REFIT, schedules.ROUGH, near=True)
+    return fit_order(problem, again)
+
+
+def _with_masses(problem: Problem, full: Fit, masses: Sequence[Candidate]) -> Fit:
+    """The full model, already fitted, with masses beside it: from nothing, together with friction, they lead astray."""
+    heavy = full.hypothesis
+    for c in masses:
+        heavy = child_of(heavy, c, _nothing(c))
+    return fit_order(problem, Order(heavy, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
+
+
+def _nothing(candidate: Candidate) -> tuple[float, ...]:
+    """The values at which a term does nothing."""
+    return tuple(p.none for p in candidate.declared)
 
 
 def _near_the_best(problem: Problem, path: list[Fit]) -> bool:
@@ -116,7 +139,7 @@ def is_usual(problem: Problem, candidate: Candidate) -> bool:
 
 
 def _is_late(problem: Problem, candidate: Candidate) -> bool:
-    """Whether it is a delay of a command of a robot: one by one, beside commands that are all late, none is found."""
+    """Whether it is a delay of a command of a robot."""
     return _dear(problem) and candidate.family == LATE
 
 
@@ -154,7 +177,7 @@ def _begun(usual: Sequence[Candidate], which: dict[int, int]) -> Hypothesis:
     """All terms: those scanned at one of their starting values, all others at nothing."""
     out = Hypothesis()
     for i, c in enumerate(usual):
-        start = (c.declared[0].starts[which[i]],) if i in which else tuple(p.none for p in c.declared)
+        start = (c.declared[0].starts[which[i]],) if i in which else _nothing(c)
         out = child_of(out, c, start)
     return out
 

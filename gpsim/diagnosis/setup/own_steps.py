@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from gpsim.diagnosis.fitting import Hypothesis, Problem, dry_steps, growth
+from gpsim.channels import difference
+from gpsim.diagnosis.fitting import TOLERATED_STEP_ERROR, Hypothesis, Problem, dry_steps, growth
 from gpsim.diagnosis.setup.sizes import Sizes
-from gpsim.effects import Term, effect_of
+from gpsim.effects import Term, closed, effect_of
 from gpsim.recordings import Recording, evenly
+from gpsim.simulators import Simulator
 
 DRY_WINDOWS = 12  # windows on which that is asked, of every joint
 SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
+
+BLOCKS = 40  # of an episode, in which means of commands are put in their place
 
 RUBS = "coulomb_friction"
 
@@ -33,6 +39,34 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
         if times > 1:
             found[on] = times
     return found
+
+
+def means_serve(
+    simulator: Simulator, recording: Recording, parameters: Mapping[str, float], every: int
+) -> bool:
+    """Whether the base does alike with the means of commands over so many samples; a stiff servo does not.
+
+    Its error is small beside what is commanded, and so is what a mean hides of the commands.
+    """
+    system = closed(simulator)
+    assert system is not None
+    tolerated = TOLERATED_STEP_ERROR * np.concatenate([e.states for e in recording.episodes]).std(axis=0)
+    n, changes = system.steps_of(recording.dt), []
+    for episode in recording.episodes:
+        last = len(episode) - every
+        rows = evenly(max(last, 0), BLOCKS)
+        if not len(rows):
+            continue
+        acted = episode.actions[rows[:, None] + np.arange(every)]
+        means = np.broadcast_to(acted.mean(axis=1, keepdims=True), acted.shape)
+        step, t = np.diff(episode.t)[rows] / n, episode.t[rows]
+        ends = [
+            system.rolled((), parameters, (), episode.states[rows], np.repeat(u, n, axis=1), step, t)[:, -1]
+            for u in (acted, means)
+        ]
+        changes.append(difference(*ends, simulator.state))
+    change = np.concatenate(changes) if changes else np.zeros((1, len(tolerated)))
+    return bool((np.sqrt(np.mean(change**2, axis=0)) <= tolerated).all())
 
 
 def steady_length(problem: Problem) -> int:

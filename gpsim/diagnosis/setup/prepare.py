@@ -30,7 +30,7 @@ from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
-from gpsim.diagnosis.setup.own_steps import steady_length, steps_with_friction
+from gpsim.diagnosis.setup.own_steps import means_serve, steady_length, steps_with_friction
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
@@ -115,10 +115,17 @@ def prepare(
     simulator = wrapping(sight.simulator, either_wraps(sight.simulator.state, recording.state))
     log = look_at(recording, settings.log_facts)
     seen, origin = rebased(mended(recording, log.left_out))
-    seen, every = thinned(seen, settings.decimation)
-    seen = sight.completed(seen)
+    system = closed(simulator)
+    read, every = thinned(seen, settings.decimation)
+    if (
+        system is not None
+        and every > 1
+        and not means_serve(simulator, sight.completed(seen), parameters, every)
+    ):
+        read, every = seen, 1
+    seen = sight.completed(read)
     check_angles(seen, simulator, parameters, settings.angles, hidden)
-    if (system := closed(simulator)) is not None:
+    if system is not None:
         simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
