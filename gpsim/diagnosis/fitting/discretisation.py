@@ -29,8 +29,11 @@ COARSER_STEPS = (20, 10, 5, 4, 3, 2)
 TOLERATED_BY_COARSER = 0.003
 """Of a channel's spread: what these longer steps may change in a window, root mean square (by hand, on an arm whose
 joints all rub: fits by worse slopes creep, and end far from where they should)."""
-TOLERATED_STEP_ERROR = 3e-4
-"""Of a channel's spread: what halving the steps may change, if it is more than noise hides."""
+TOLERATED_DRY_ERROR = 3e-4
+"""Of a channel's spread: what stops of dry friction may be off by, if it is more than noise hides."""
+TOLERATED_STEP_ERROR, HIDDEN_BY_NOISE = 3e-5, 30.0
+"""Of a channel's spread, or of noise one in so many: what halving the steps may change. It is alike in all windows, so
+that they do not average it out: at a third of the noise an arm's viscous friction came out a third too high."""
 EXACT_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5, 0.25)
 """Times as long as its own, steps of a method of higher order that are tried (a model's own step of first order is off
 by a millimetre where stiff servos move light links, and hides all that encoders tell)."""
@@ -61,7 +64,7 @@ def stepped(problem: Problem) -> Problem:
     assert system is not None
     own, fewest = system.steps_of(problem.dt), int(np.ceil(problem.dt / USUAL_SUBSTEP))
     problem = replace(problem, substeps=own)
-    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
+    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / HIDDEN_BY_NOISE)
     best, least = problem, np.inf
     at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
     theta, starts = at.hypothesis.theta[None], at.starts[None]
@@ -107,7 +110,7 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
     """
     settings = problem.run.settings.closed_step
-    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
+    tolerated = np.maximum(TOLERATED_DRY_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
     counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
     choices = sorted(set(settings.dry_finer))

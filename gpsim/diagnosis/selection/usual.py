@@ -62,7 +62,7 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
         if also.objective < full.objective:
             full = also
             path += _with_less(problem, full)
-    masses = [c for c in offers if _is_mass_of_a_small_robot(problem, c)]
+    masses = [c for c in offers if _is_mass(problem, c)]
     if masses and _something_is_left(problem, path):
         path += _with_less(problem, _with_masses(problem, full, masses))
     for found in path:
@@ -143,10 +143,9 @@ def _is_late(problem: Problem, candidate: Candidate) -> bool:
     return _dear(problem) and candidate.family == LATE
 
 
-def _is_mass_of_a_small_robot(problem: Problem, candidate: Candidate) -> bool:
-    """Whether it is the mass of a body of a MuJoCo model that has few joints: of these nothing costs much."""
-    few = len(problem.simulator.coordinates) <= problem.run.settings.closed_step.dry_joints
-    return _dear(problem) and few and candidate.place.on.endswith(MASS)
+def _is_mass(problem: Problem, candidate: Candidate) -> bool:
+    """Whether it is the mass of a body of a robot."""
+    return _dear(problem) and candidate.place.on.endswith(MASS)
 
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
