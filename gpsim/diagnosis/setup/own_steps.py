@@ -60,11 +60,11 @@ def means_serve(
         acted = episode.actions[rows[:, None] + np.arange(every)]
         means = np.broadcast_to(acted.mean(axis=1, keepdims=True), acted.shape)
         step, t = np.diff(episode.t)[rows] / n, episode.t[rows]
-        ends = [
+        said, meant = (
             system.rolled((), parameters, (), episode.states[rows], np.repeat(u, n, axis=1), step, t)[:, -1]
             for u in (acted, means)
-        ]
-        changes.append(difference(*ends, simulator.state))
+        )
+        changes.append(difference(said, meant, simulator.state))
     change = np.concatenate(changes) if changes else np.zeros((1, len(tolerated)))
     return bool((np.sqrt(np.mean(change**2, axis=0)) <= tolerated).all())
 
