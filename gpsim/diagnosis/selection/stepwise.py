@@ -181,6 +181,14 @@ def _kind(effect: Effect) -> str:
     return "model" if effect.site == "parameter" else effect.site
 
 
+def _reconsidered(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
+    """What is left of the leader beside the usual machine; of what says no more, also without what does not pay."""
+    found, size = reconsidered(problem, leader, offers), len(leader.hypothesis.parameters)
+    alike = [f for f in found if len(f.hypothesis.parameters) <= size]
+    leaned = [lean(problem, f) for f in alike if f.objective < leader.objective + AS_WELL]
+    return [*found, *_new(leaned, found)]
+
+
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
     """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
     twins = _all_substitutes(problem, leader, offers, math.inf, twins=True)

@@ -55,7 +55,7 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
     full = _full_model(problem, usual)
-    path = _with_less(problem, full)
+    path = taken_away(problem, full)
     late = [c for c in offers if _is_late(problem, c)]
     if late and _something_is_left(problem, path):
         also = _all_late(problem, [*usual, *late])
