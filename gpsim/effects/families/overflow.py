@@ -29,6 +29,8 @@ class Overflow(RateEffect):
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """States whose rate is their own: neither a coordinate nor its velocity."""
+        if hasattr(simulator, "rolled"):  # it owns its integration (see `gpsim.effects.closed_step`)
+            return ()
         return tuple(n for n in simulator.state.names if f"{n}_rate" in simulator.rate.names)
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

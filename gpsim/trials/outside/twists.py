@@ -58,7 +58,7 @@ class WheelSpeedLimit(Twist):
 
     name = "wheel_speed_limit"
     family = "wheel_saturation"
-    since = None
+    since = 2028
     needs_levels = True
 
     def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
