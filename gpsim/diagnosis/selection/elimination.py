@@ -43,6 +43,9 @@ SURELY_NEEDED = 60.0
 SURELY_NEEDED_SHARE = 0.05
 """Of all that is left over, that it must explain besides (more than twice a good share)."""
 HOPELESS_LOSS = 600.0  # loss after a few iterations that no further ones make good [nats]
+ALIKE = 0.5
+"""Nats by which accounts may differ and still be alike: the one of more usual terms stays (on EMPS a bias of the
+command and a constant force are the same, and a curve then took the bias for its own)."""
 HOPELESS_SHARE = 0.5  # share of the variance left over that what was taken out must have removed besides
 EDGE_WORTH = 100.0  # loss that edges which are a little off may make good, moved [nats]
 EDGE_BUDGET = 2e7
@@ -61,7 +64,15 @@ def lean(problem: Problem, leader: Fit) -> Fit:
         less = [f for f in less if not pays(problem, leader, f)]
         if not less:
             return leader
-        leader = min(less, key=lambda f: f.objective)
+        best = min(f.objective for f in less)
+        leader = max(
+            (f for f in less if f.objective < best + ALIKE), key=lambda f: _usual_terms(f.hypothesis)
+        )
+
+
+def _usual_terms(hypothesis: Hypothesis) -> int:
+    """How many terms are part of the machine that an engineer starts from."""
+    return sum(term.effect.usual > 0 for term in hypothesis.terms)
 
 
 @kept
