@@ -99,21 +99,20 @@ def test_what_is_slight_and_explains_nothing_hides_behind_a_models_own_step(role
 
 
 @pytest.mark.parametrize(
-    ("family", "role", "needed", "stands_in"),
+    ("family", "role", "needed", "low", "stands_in"),
     [
-        ("cubic_spring", "slight", 0.004, True),
-        ("cubic_spring", "slight", 0.02, False),
-        ("cubic_spring", "headline", 0.004, False),
-        ("constant_force", "slight", 0.004, False),  # what every machine may have
+        ("cubic_spring", "slight", 0.004, -0.001, True),
+        ("cubic_spring", "slight", 0.004, 0.002, False),  # surely needed
+        ("cubic_spring", "slight", 0.02, -0.001, False),
+        ("cubic_spring", "headline", 0.004, -0.001, False),
+        ("constant_force", "slight", 0.004, -0.001, False),  # what every machine may have
     ],
 )
 def test_what_is_slight_and_unusual_has_to_explain_more_than_what_nobody_names(
-    family, role, needed, stands_in
+    family, role, needed, low, stands_in
 ):
     leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=(SimpleNamespace(effect=effect_of(family)),)))
-    found = SimpleNamespace(
-        roles=(role,), needed=(Share(needed, needed, needed),), share=Share(0.99, 0.98, 1.0)
-    )
+    found = SimpleNamespace(roles=(role,), needed=(Share(needed, low, 0.03),), share=Share(0.99, 0.98, 1.0))
     assert _stands_in(leader, found, 0) == stands_in
 
 

@@ -115,7 +115,7 @@ def _unsupported(
     odd = [i for i in free if structured and found.roles[i] == "slight" and _implausible(leader, i, settings)]
     if odd:
         return least(odd, "slight, and no machine has such a size")
-    strange = [i for i in free if structured and _stands_in(leader, found, i)]
+    strange = [i for i in asked if structured and _stands_in(leader, found, i)]
     if strange:
         return least(strange, "slight, unusual, and less than what is left")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
@@ -149,10 +149,13 @@ def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> b
 
 
 def _stands_in(leader: Fit, found: Attribution, index: int) -> bool:
-    """Whether a slight term, not of the usual machine, explains less than what nobody names: it may stand for that."""
-    usual = leader.hypothesis.terms[index].effect.usual > 0
-    left = 1.0 - found.share.share
-    return found.roles[index] == "slight" and not usual and found.needed[index].share < left
+    """Whether a slight term, not of the usual machine, may stand for what nobody names: less, and not surely needed.
+
+    Backlash in the steering of the open DART log is needed by a fifth of what is left there, and surely: it stays.
+    """
+    usual, needed = leader.hypothesis.terms[index].effect.usual > 0, found.needed[index]
+    unsure = needed.low is None or needed.low <= 0.0
+    return found.roles[index] == "slight" and not usual and unsure and needed.share < 1.0 - found.share.share
 
 
 def _spare(found: Attribution, index: int, settings: Settings) -> bool:
