@@ -58,7 +58,7 @@ def test_what_is_left_over_is_structured_or_chance(terms, p_value, significant, 
     monkeypatch.setattr(judgement_module, "whiteness", lambda *_: (p_value, 0.0))
     monkeypatch.setattr(judgement_module, "lack_of_fit", lambda *_: lack)
     monkeypatch.setattr(judgement_module, "lack_of_memory", lambda *_: None)
-    problem = SimpleNamespace(run=Run())
+    problem = SimpleNamespace(run=Run(), simulator=make_simulator("slider"))
     assert judgement_module._left_over(problem, leader) == (p_value, lack, structured)
 
 

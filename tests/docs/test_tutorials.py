@@ -17,8 +17,12 @@ from budgets import TINY
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIAL = ROOT / "docs" / "tutorial"
-PAGES = ("first_diagnosis", "cartpole", "limo", "own_effect")
-LOOPS = ("cartpole", "limo")  # a minute each: .ci/run runs them, `make test` does not
+PAGES = (
+    "first_diagnosis",
+    "cartpole",
+    "limo",
+    "own_effect",
+)  # up to a minute each: .ci/run runs them, `make test` does not
 QUICK = "diagnose.stepwise.total_budget=1e7 diagnose.search.budget=1e7 diagnose.form.rounds=1 diagnose.form.windows=40"
 FEW = "'diagnose.families.only=[coulomb_friction,actuator_delay]'"
 SMALL = {  # what a command of the beginning on the left gets on a smoke budget
@@ -92,9 +96,8 @@ def test_a_tutorial_has_commands_and_what_it_names_is_there(name):
         assert (ROOT / path).exists()
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(page, marks=[pytest.mark.slow] if page in LOOPS else []) for page in PAGES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAGES)
 def test_a_tutorial_runs_on_a_smoke_budget(name, tmp_path):
     run(name, tmp_path, small)
 

@@ -56,6 +56,7 @@ def patch(folder):
     return {(e["family"], e["on"]): e["where"] for e in content["effects"]}
 
 
+@pytest.mark.slow
 def test_the_page_runs_on_a_smoke_budget(tmp_path):
     said = played(tmp_path, quick=True)
     assert said[0].splitlines()[1] in PAGE  # the log is shown as it is
