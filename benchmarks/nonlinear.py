@@ -60,8 +60,9 @@ class Set:
 SETS = (
     Set(
         "cascaded tanks", "cascaded_tanks/dataBenchmark.csv", "cascaded_tanks", "lower", "V",
-        "0.34 (nonlinear state space), 0.45 (polynomial state space), 0.54 (Volterra), 0.76 (linear), as compared in "
-        "Hammerstein Box-Jenkins System Identification of the Cascaded Tanks Benchmark System, 2021, table 2",
+        "0.34 (nonlinear state space), 0.45 (polynomial state space), 0.54 (Volterra), 0.76 (linear): Hammerstein "
+        "Box-Jenkins System Identification of the Cascaded Tanks Benchmark System, 2021, table 2, which calls them "
+        "mean squares; their roots are 0.59, 0.67, 0.73 and 0.87 V",
         TANKS,
     ),
     Set("EMPS slide", "emps/DATA_EMPS.mat", "emps", "q", "m", "none for this part of the record"),
@@ -112,20 +113,16 @@ def sindy(learnt: Recording, column: int, readings: FloatArray, actions: FloatAr
         return None
     y, u = learnt.episodes[0].states[:, column], learnt.episodes[0].actions
     best: tuple[float, object] | None = None
+    rows, target = embedded(y, u)
+    library = pysindy.PolynomialLibrary(degree=DEGREE).fit(rows)
+    features = np.asarray(library.transform(rows))
     for threshold in THRESHOLDS:
-        model = pysindy.SINDy(
-            optimizer=pysindy.STLSQ(threshold=threshold, alpha=1e-6, normalize_columns=True),
-            feature_library=pysindy.PolynomialLibrary(degree=DEGREE),
-        )
-        rows, target = embedded(y, u)
+        optimizer = pysindy.STLSQ(threshold=threshold, alpha=1e-6, normalize_columns=True)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            library = pysindy.PolynomialLibrary(degree=DEGREE).fit(rows)
-            features = np.asarray(library.transform(rows))
-            optimizer = model.optimizer.fit(features, target)
-        weights = np.asarray(optimizer.coef_).ravel()
+            weights = np.asarray(optimizer.fit(features, target).coef_).ravel()
 
-        def told(past: FloatArray, commands: FloatArray, library=library, weights=weights) -> FloatArray:
+        def told(past: FloatArray, commands: FloatArray, weights=weights) -> FloatArray:
             return free_run(past, commands, lambda x: (np.asarray(library.transform(x)) @ weights).item())
 
         error = float(np.sqrt(np.mean((told(y, u)[WINDOW:] - y[WINDOW:]) ** 2)))

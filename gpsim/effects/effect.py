@@ -270,7 +270,7 @@ class RateEffect(Effect):
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Values,
-        on: str = "",
+        on: str,
     ) -> FloatArray:
         """(B, R) what comes to the rates in state (B, S) under the command (B, A) that reached the simulator."""
 

@@ -26,6 +26,9 @@ Of = Literal[
 """In what a range is counted: plain, or by how large things are where the effect acts (see `Place`)."""
 
 
+EXACT = 1e-3  # of the range that was read: how far an end may lie from where readings stand
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
@@ -101,6 +104,12 @@ class Place:
     def position_unit(self) -> str:
         """The unit of a coordinate's position; where nobody said, what usually goes with the unit of its force."""
         return self.length or ("m" if self.unit == "N" else "rad")
+
+    def reading_end(self, name: str, *, highest: bool) -> EffectParameter:
+        """Where a channel's readings stand at an end: the recording itself says it, to a thousandth of their range."""
+        low, high = self.visited or (self.middle - self.reach, self.middle + self.reach)
+        end, near = high if highest else low, EXACT * max(high - low, 1e-9)
+        return EffectParameter(name, self.unit, end - near, end + near, (end,), near, place=True)
 
     @property
     def rest_position(self) -> EffectParameter:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
-from gpsim.effects import Values
+from gpsim.effects import RateEffect, Values
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.layout import Layout
@@ -169,10 +169,11 @@ class Rolling:
         """(B, nv): accelerations that come from outside."""
         total = extra
         for i in plan.passing:
-            effect = plan.terms[i].effect
-            if effect.site == "rate":
-                more = effect.added(simulator, at.state, at.command, plan.parameters, values[i])  # type: ignore[attr-defined]
-                if plan.terms[i].gate:
+            term = plan.terms[i]
+            if isinstance(term.effect, RateEffect):
+                given = (at.state, at.command, plan.parameters, values[i], term.on)
+                more = term.effect.added(simulator, *given)
+                if term.gate:
                     more = more * shares_of(plan, self.channels, at, at.state, values)[i][:, None]
                 total = more if total is None else total + more
         return total

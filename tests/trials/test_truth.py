@@ -73,7 +73,8 @@ def test_every_law_is_the_catalogues_though_written_twice(family, system, on):
     read = limited((effect,), names, sense((effect,), names, own[None], 0, H))
     said = plant.measure(theirs, memory, rng)
     changed = np.abs(said - driven.clean[LENGTH]).max()
-    assert np.abs(read - said).max() < 1e-2 * changed + 1e-6  # a range may leave these readings as they are
+    few = 1e-6 if family in catalogue.LAST_SENSORS else 1e-9  # a range may leave these readings as they are
+    assert np.abs(read - said).max() < 1e-2 * changed + few
 
 
 def test_a_delayed_sensor_says_what_was():

@@ -157,16 +157,16 @@ def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
 
 def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
     steps = _usual_steps(recording, [index for index, _, _ in places])
-    parts = [_window(recording, index, steps[index], low, high, length) for index, low, high in places]
+    weighed = any(e.weights is not None for e in recording.episodes)  # then all windows have weights
+    parts = [
+        _window(recording, index, steps[index], low, high, length, weighed) for index, low, high in places
+    ]
     return _stacked(parts) if parts else _none(recording, length)
 
 
 def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
     """Windows of `length` transitions from these (episode, sample) on; none may cross a gap or the end."""
-    steps = _usual_steps(recording, [index for index, _ in places])
-    return _stacked(
-        [_window(recording, index, steps[index], first, first + length, length) for index, first in places]
-    )
+    return _cut_at(recording, [(index, first, first + length) for index, first in places], length)
 
 
 def _stacked(parts: Sequence[tuple[Any, ...]]) -> Windows:
@@ -231,6 +231,7 @@ def _window(
     low: int,
     high: int,
     length: int,
+    weighed: bool,
 ) -> tuple[Any, ...]:
     """step: the usual one of its episode [s]."""
     count, dt, episode = high - low, recording.dt, recording.episodes[index]
@@ -243,7 +244,7 @@ def _window(
     )
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + step * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
-    weights = None if all(e.weights is None for e in recording.episodes) else np.ones(measured.shape)
+    weights = np.ones(measured.shape) if weighed else None
     if weights is not None and episode.weights is not None:
         weights[: count + 1] = episode.weights[low : high + 1]
     before_states, before_actions, before_t = _before(episode, low, dt, step)

@@ -233,7 +233,7 @@ class FreeRate(_Free, RateEffect):
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Values,
-        on: str = "",
+        on: str,
     ) -> FloatArray:
         """The function."""
         out = np.zeros((len(state), len(simulator.rate)))
@@ -261,7 +261,7 @@ class FreeDrive(_Free, RateEffect):
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Values,
-        on: str = "",
+        on: str,
     ) -> FloatArray:
         """What the function changes of the rates."""
         other = np.array(action)

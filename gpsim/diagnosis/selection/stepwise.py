@@ -106,7 +106,6 @@ def improved(
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     settings = problem.run.settings.stepwise
-    as_well = AS_WELL
     leader = _finished(problem, _finely(problem, leader))
     leader = lean(problem, with_refined_edges(problem, leader, FINE_SPACING))
     tried: list[Fit] = []
@@ -126,7 +125,7 @@ def improved(
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = _all_substitutes(problem, leader, offers, enough)
         near = sorted(
-            (f for f in others if f.objective < leader.objective + as_well), key=lambda f: f.objective
+            (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
         leaned = [lean(problem, f) for f in near[:SIMPLIFIED] if problem.run.budget.spent < enough]
         others += _new(leaned, near)
@@ -210,7 +209,6 @@ def _extended(
 
     gates: also such that act behind a gate, and terms on trial.
     """
-    finest = FINE_SPACING
     tried: list[Fit] = []
     firm, steps = leader, 0
     while not leader.hypothesis.is_patchwork():
@@ -230,7 +228,7 @@ def _extended(
             break
         leader = _finished(problem, likeliest(problem, better))
         if not over:  # at the end they are refined in any case
-            leader = with_refined_edges(problem, leader, finest)
+            leader = with_refined_edges(problem, leader, FINE_SPACING)
         if steps == 0 or whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured:
             leader = firm = lean(problem, leader)
             steps = 0

@@ -17,8 +17,6 @@ from gpsim.effects.effect import RateEffect, Values
 from gpsim.effects.place import EffectParameter, Place
 from gpsim.simulators import Simulator
 
-EXACT = 1e-3  # of the way that was read: how far the rim may lie from where readings stand
-
 
 class Overflow(RateEffect):
     """An overflow: at its rim a level rises no further, whatever flows in."""
@@ -35,11 +33,7 @@ class Overflow(RateEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Rim [the channel's]."""
-        lowest, highest = place.visited or (place.middle - place.reach, place.middle + place.reach)
-        near = EXACT * max(highest - lowest, 1e-9)
-        return (
-            EffectParameter("rim", place.unit, highest - near, highest + near, (highest,), near, place=True),
-        )
+        return (place.reading_end("rim", highest=True),)
 
     def offers(self, place: Place, variant: str) -> bool:
         """Where readings stand at the highest."""
@@ -52,7 +46,7 @@ class Overflow(RateEffect):
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Values,
-        on: str = "",
+        on: str,
     ) -> FloatArray:
         """Minus what the full vessel would rise by."""
         column, out = simulator.rate.index(f"{on}_rate"), np.zeros((len(state), len(simulator.rate)))

@@ -14,8 +14,6 @@ import numpy as np
 from gpsim.effects.effect import FunctionOf, Law, SensorEffect
 from gpsim.effects.place import EffectParameter, Place
 
-EXACT = 1e-3  # of the way that was read: how far a range's end may lie from where readings stand
-
 
 def clipped(reading: Any, low: Any, high: Any) -> Any:
     """The reading within its range."""
@@ -35,16 +33,8 @@ class SensorSaturation(SensorEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """The ends low and high [the channel's], or one of them."""
-        lowest, highest = place.visited or (place.middle - place.reach, place.middle + place.reach)
-        near = EXACT * max(highest - lowest, 1e-9)
-        ends = {"low": lowest, "high": highest}
         kept = {"": ("low", "high"), "lower": ("low",), "upper": ("high",)}[variant]
-        return tuple(
-            EffectParameter(
-                name, place.unit, ends[name] - near, ends[name] + near, (ends[name],), near, place=True
-            )
-            for name in kept
-        )
+        return tuple(place.reading_end(name, highest=name == "high") for name in kept)
 
     def offers(self, place: Place, variant: str) -> bool:
         """The ends at which readings stand."""
