@@ -116,6 +116,9 @@ def _actuators(body: Body, fields: Fields, motors: Sequence[Motor], step: float)
             made["biasprm"] = _short(bias)
             if int(model.actuator_biastype[i]) == mj.mjtBias.mjBIAS_NONE:
                 made["biastype"] = "affine"
+        force = np.array(_now(body, fields, "actuator_forcerange")[i])
+        if (force != model.actuator_forcerange[i]).any():
+            made["forcerange"] = force
         if motor.limit is not None:
             low, high = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
             made["ctrlrange"] = np.array([max(low, -motor.limit), min(high, motor.limit)])
@@ -193,6 +196,8 @@ def _to_actuator(mj: Any, actuator: Any, attributes: Mapping[str, Value]) -> Non
             setattr(actuator, name, np.pad(np.asarray(value), (0, len(getattr(actuator, name)) - len(value))))
         elif name == "ctrlrange":
             actuator.ctrlrange, actuator.ctrllimited = value, mj.mjtLimited.mjLIMITED_TRUE
+        elif name == "forcerange":
+            actuator.forcerange = value
         elif name == "biastype":
             actuator.biastype = mj.mjtBias.mjBIAS_AFFINE
         elif name == "delay":

@@ -211,6 +211,17 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
                 f"velocity gain of {action}",
                 _gain(i, 2, damped, moves=stiff <= 0.0),
             )
+        most = float(np.abs(model.actuator_forcerange[i]).max())
+        if model.actuator_forcelimited[i] and most > 0.0:
+            add(
+                f"{action}.forcerange",
+                "1",
+                most,
+                most / HEAVIEST,
+                HEAVIEST * most,
+                f"the most that {action} gives, in force or torque",
+                _scaled(("actuator_forcerange",), (i,), most),
+            )
     return found, knobs
 
 

@@ -11,7 +11,6 @@ from gpsim.errors import UsageError
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.recordings import Episode, Recording
 
-TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
 OFF_LENGTH = (
     0.1  # that a quaternion's length may be off 1: rounding and filters, not another order of columns
 )
@@ -43,16 +42,9 @@ def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
 
 
 def _given_as(action: str, recording: Recording, simulator: MjcfSimulator) -> str:
-    """The column that holds what an actuator was given: its own, or of a motor the torque that was measured.
-
-    A log of motor currents has no command beside them, and a torque that was measured is what drove the joint.
-    """
-    joint = simulator.drives.get(action)
-    force = {c.name: c.force_unit for c in simulator.coordinates}.get(joint or "")
-    if action in recording.action.names or simulator.action.units[action] != force:
-        return action
-    torques = [f"{name}{TORQUE}" for name in (joint, action)]
-    return next((name for name in torques if name in recording.action.names), action)
+    """The column that holds what an actuator was given: its own, or one that stands in for it."""
+    names = (action, *simulator.stand_ins.get(action, ()))
+    return next((name for name in names if name in recording.action.names), action)
 
 
 def _as_recorded(channel: Channel, recorded: Channel) -> Channel:

@@ -25,6 +25,7 @@ from gpsim.simulators import Integrator, Parameters, Simulator
 
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
+TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
 
 
 class MjcfSimulator(Simulator):
@@ -83,6 +84,19 @@ class MjcfSimulator(Simulator):
     def body(self) -> Body:
         """The model, its names and its knobs."""
         return self._body
+
+    @property
+    def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
+        """Of a motor the torque that was measured at its joint, JOINT_tau, or ACTUATOR_tau: it drove the joint.
+
+        A log of motor currents has no command beside them. A servo's torque says nothing of its command.
+        """
+        force = {c.name: c.force_unit for c in self.coordinates}
+        return {
+            action: tuple(f"{name}{TORQUE}" for name in (joint, action))
+            for action, joint in self.drives.items()
+            if self.action.units[action] == force.get(joint)
+        }
 
     @property
     def drives(self) -> Mapping[str, str]:

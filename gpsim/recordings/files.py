@@ -6,6 +6,7 @@ import difflib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -203,17 +204,19 @@ def read_bare_table(
     *,
     optional: Collection[str] = (),
     integrator: str = "euler",
+    stand_ins: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
 ) -> Recording:
     """Columns t [s], `state`, `action` and, if there are several, episode; states in `optional` may be absent.
 
-    So may all actions, of something that nobody commands.
+    So may all actions, of something that nobody commands. stand_ins: of an action the columns that may stand for it.
 
     Every fault is a UsageError that names file, episode, row and column.
     """
     table = read_frame(path)
     return recording_of(
-        table, path, system, state, action, parameters, optional=optional, integrator=integrator
-    )
+        table, path, system, state, action, parameters,
+        optional=optional, integrator=integrator, stand_ins=stand_ins,
+    )  # fmt: skip
 
 
 def recording_of(
@@ -226,6 +229,7 @@ def recording_of(
     *,
     optional: Collection[str] = (),
     integrator: str = "euler",
+    stand_ins: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
     dt: float | None = None,
 ) -> Recording:
     """The same of a table that is there already; path: what messages call it.
@@ -234,6 +238,7 @@ def recording_of(
     """
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
     held = held if len(held) else state
+    table = table.rename(columns=_stood_for(table, stand_ins))
     _check_spelling(path, table, (*state.names, *action.names))
     action = action if set(action.names) & set(table.columns) else Channels(())
     needed = ("t", *held.names, *action.names)
@@ -248,6 +253,15 @@ def recording_of(
     if dt is None:
         _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
     return Recording(system, held, action, episodes, usual if dt is None else dt, parameters, integrator)
+
+
+def _stood_for(table: pd.DataFrame, stand_ins: Mapping[str, tuple[str, ...]]) -> dict[str, str]:
+    """Columns that stand in for a channel which has none of its own -> that channel."""
+    return {
+        next(name for name in others if name in table.columns): channel
+        for channel, others in stand_ins.items()
+        if channel not in table.columns and not {*others}.isdisjoint(table.columns)
+    }
 
 
 def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Channels) -> None:

@@ -29,6 +29,7 @@ from gpsim.recordings.likeness import (
     NOTHING,
     WORDS,
     Source,
+    drive_words,
     likeness,
     rate_words,
     read_source,
@@ -185,7 +186,7 @@ class _Guesser:
         of, optional = made.system.velocities.get(name), name in made.system.optional
         if self.given.get(name) == NOTHING and (of is not None or optional):
             return
-        words = _state_words(channel, None if of is None else made.taken.get(of, ""))
+        words = _state_words(channel, of, made.taken.get(of or "", ""))
         typed = measured_joint(name, of, self.topics)
         if self._found(self.state, channel, typed, words, NO_STATE):
             return
@@ -201,9 +202,10 @@ class _Guesser:
         if self.given.get(name) == NOTHING:
             made.taken[name] = NOTHING
             return
-        typed = command_of(name, self.topics)
-        typed = typed or joint_command(name, channel.unit, made.system.drives.get(name), self.topics)
-        words = WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input"))
+        joint = made.system.drives.get(name)
+        typed = command_of(name, self.topics) or joint_command(name, channel.unit, joint, self.topics)
+        of_joint = drive_words(joint, channel.unit) if joint else ()
+        words = (*of_joint, *WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input")))
         if not self._found(self.action, channel, typed, words, NO_ACTION):
             made.missing[name] = self._unused(NO_ACTION)
 
@@ -285,15 +287,17 @@ class _Guesser:
             made.raw["episodes"] = {"by": "column", "field": "episode"}
 
 
-def _state_words(channel: Channel, position: str | None) -> tuple[str, ...]:
-    """What the state may be called; position: the column of what it is the velocity of, None where it is none."""
+def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, ...]:
+    """What the state may be called; of: what it is the velocity of, if it is one, and the column of that."""
     name, unit = channel.name, channel.unit
-    if position is not None:
+    if of is not None:
         kind = "angular_velocity" if unit.startswith("rad") else "velocity"
         column = position.rpartition(":")[2].lstrip("-").rpartition("*")[2]
-        return (*rate_words(column), *WORDS[kind])
+        own = "_".join(words_of(of))
+        return (*rate_words(column), f"{own}_velocity", f"{own}_vel", *WORDS[kind])
     if name in ("yaw", "x", "y"):
         return (*WORDS["heading" if name == "yaw" else name], *(WORDS["position"] if name == "x" else ()))
-    if unit == "rad":
-        return WORDS["angle"]
-    return WORDS["position"] if unit == "m" else (name, "y", "output")
+    if unit not in ("rad", "m"):
+        return (name, "y", "output")
+    words = WORDS["angle" if unit == "rad" else "position"]
+    return (*words, *(f"{'_'.join(words_of(name))}_{end}" for end in ("position", "pos", "angle", "q")))

@@ -252,6 +252,7 @@ ASKING = frozenset({
 })  # fmt: skip
 """Words of a topic that says what is asked of the joints, not where they are."""
 POSITION, VELOCITY, EFFORT = "position", "velocity", "effort"
+TORQUES = ("N m", "N")  # units of what a motor gives, and of an effort
 _NAMED = re.compile(r"(\w+)\[name=(.+)\]")
 
 
@@ -262,7 +263,10 @@ def measured_joint(name: str, of: str | None, topics: Sequence[Topic]) -> list[S
 
 
 def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topic]) -> list[Source]:
-    """Where an actuator's command is told, by its own name or by that of the joint that it drives."""
+    """Where an actuator's command is told, by its own name or by that of the joint that it drives.
+
+    Of a motor that nobody tells a command, it is the torque that was measured at its joint.
+    """
     every = _of_joints(topics)
     asked = [topic for topic in every if ASKING & set(words_of(topic.name))]
     kind = {"rad": POSITION, "m": POSITION, "rad/s": VELOCITY, "m/s": VELOCITY}.get(unit, EFFORT)
@@ -274,7 +278,9 @@ def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topi
         for part in (kind, *(kinds if len(kinds) == 1 else ())):
             if found := _named(asked, topics, called, part):
                 return found
-    return _named(every, topics, name, kind) if name != joint else []
+    found = _named(every, topics, name, kind) if name != joint else []
+    measured = [topic for topic in every if topic not in asked] if unit in TORQUES else []
+    return found or _named(measured, topics, joint or name, EFFORT)
 
 
 def _of_joints(topics: Sequence[Topic]) -> list[Topic]:

@@ -18,6 +18,9 @@ from gpsim.recordings.values import one_line
 
 EXACT, FULL, LAST, MEASURED = 5.0, 4.0, 1.9, 1.5
 """Called as the channel; as one of its words; its last word is one; one of them and an m, as qm."""
+OTHER_NUMBER = (
+    0.2  # less where the channel's name has a number and the column's another one, as wrist_1 and wrist_2
+)
 LATER = 0.1  # less for every place that a word stands further back in its list
 WORDS: dict[str, tuple[str, ...]] = {
     "position": ("position", "pos", "q", "x", "displacement", "travel", "distance", "s"),
@@ -46,6 +49,7 @@ NO_STATE = frozenset({
 NO_ACTION = frozenset(
     {"raw", "squared", "err", "error", "measured", "sin", "cos", "std", "acc", "seq", "count"}
 )
+_NUMBERS = re.compile(r"\d+")
 _UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 
 
@@ -64,21 +68,29 @@ def unit_of(name: str) -> str:
 
 def likeness(name: str, channel: str, words: Sequence[str], never: frozenset[str]) -> float:
     """How well a column fits a channel that is called by these words; 0 where it does not."""
+    fit = _fit_of_words(name, channel, words, never)
+    wanted = _NUMBERS.findall(channel)
+    return fit - OTHER_NUMBER if fit and wanted and _NUMBERS.findall(_UNIT.sub("", name)) != wanted else fit
+
+
+def _fit_of_words(name: str, channel: str, words: Sequence[str], never: frozenset[str]) -> float:
     own = words_of(name)
     joined = "_".join(own)
     if joined == "_".join(words_of(channel)) or name == channel:
         return EXACT
     if never & set(own) or not own:
         return 0.0
-    for place, word in enumerate(words):
-        less = LATER * place
-        if joined == word:
-            return FULL - less
-        if own[-len(word.split("_")) :] == word.split("_"):
-            return LAST - less
-        if len(own) == 1 and own[0] == f"{word}m":
-            return MEASURED - less
-    return 0.0
+    fits = [_fit_of_word(own, word) - LATER * place for place, word in enumerate(words)]
+    return max(0.0, *fits)
+
+
+def _fit_of_word(own: list[str], word: str) -> float:
+    parts = word.split("_")
+    if own == parts:
+        return FULL
+    if own[-len(parts) :] == parts:
+        return LAST
+    return MEASURED if own == [f"{word}m"] else 0.0
 
 
 def rate_words(position: str) -> tuple[str, ...]:
@@ -86,6 +98,14 @@ def rate_words(position: str) -> tuple[str, ...]:
     own = "_".join(words_of(position))
     ends = [f"{own}_{end}" for end in ("d", "dot", "vel", "velocity", "rate", "speed")]
     return (*ends, f"d_{own}", f"{own}d", f"{own}dot", f"d{own}", f"v_{own}", f"v{own}")
+
+
+def drive_words(joint: str, unit: str) -> tuple[str, ...]:
+    """What a column of a joint's torque is called, or of what its servo is told."""
+    own = "_".join(words_of(joint))
+    torque = ("tau", "torque", "effort", "u", "cmd", "command")
+    target = ("target", "goal", "cmd", "command", "ref", "reference", "desired", "des", "setpoint")
+    return tuple(f"{own}_{end}" for end in (torque if unit in ("N m", "N") else target))
 
 
 FACTORS = {

@@ -134,6 +134,7 @@ class _Described(TypedDict):
     parameters: dict[str, float]
     optional: Collection[str]
     integrator: str
+    stand_ins: Mapping[str, tuple[str, ...]]
 
 
 def read_table(path: Path, simulator: Simulator) -> Recording:
@@ -157,6 +158,7 @@ def _described(simulator: Simulator) -> _Described:
         "parameters": simulator.defaults(),
         "optional": simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
         "integrator": simulator.integrator,
+        "stand_ins": simulator.stand_ins,
     }
 
 

@@ -102,6 +102,11 @@ class Simulator(ABC):
     )  # of families that few simulators know
 
     @property
+    def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
+        """Of an action without a column of its own, columns of a log that may stand for it."""
+        return {}
+
+    @property
     def kinematic(self) -> bool:
         """Whether the rates follow from action and parameters alone: they stay the same while an action is held."""
         return False

@@ -148,6 +148,15 @@ def apart(one, other):
 START = np.array([0.3, 0.1, -0.2, 0.4])
 
 
+def test_the_most_that_a_servo_gives_is_an_attribute(tmp_path):
+    limited = SERVO.replace('kv="3"', 'kv="3" forcerange="-4 4"')
+    term = Term("parameter_offset", "servo.forcerange", {"ratio": 1.5})
+    plant, made = exported(tmp_path, limited, [term])
+    sent = commands(1, 1.0, DT, size=0.8)
+    assert apart(replayed(plant, START[:2], sent), native(made, START[:2], sent, plant.substeps)) < 1e-5
+    assert 'forcerange="-6 6"' in made.files["model"].read_text()
+
+
 @pytest.mark.parametrize("which", NATIVE)
 def test_attributes_alone_replay_to_1e5(which, tmp_path):
     plant, made = exported(tmp_path, DOUBLE, NATIVE[which])

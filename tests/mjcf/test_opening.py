@@ -3,6 +3,7 @@
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from mjcf_models import DOUBLE, FLOATING, PENDULUM, SERVO, written
@@ -323,6 +324,15 @@ def test_a_measured_torque_drives_the_motor_where_no_command_was_recorded(tmp_pa
     )
     assert recording.action.names == simulator.action.names == ("torque",)
     assert recording.episodes[0].actions[5, 0] == pytest.approx(0.5 * np.sin(0.5 + 1), abs=1e-5)
+
+
+def test_a_bare_table_may_hold_the_measured_torque_instead_of_the_command(tmp_path):
+    path, t = written(tmp_path, PENDULUM), 0.01 * np.arange(50)
+    table = pd.DataFrame({"t": t, "theta": 0.1 * np.sin(t), "theta_tau": np.cos(t)})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    recording, _ = open_recording(Task(tmp_path / "log.csv", path))
+    assert recording.action.names == ("torque",)
+    assert recording.episodes[0].actions[5, 0] == pytest.approx(np.cos(0.05))
 
 
 def test_a_measured_torque_is_no_target_of_a_servo(tmp_path):
