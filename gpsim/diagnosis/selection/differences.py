@@ -62,7 +62,8 @@ def told_apart_to_the_end(
     question: Question, contenders: Contenders, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> Contenders:
     """The same, and what recordings share searched on with that, until nothing changes."""
-    for _ in range(DIFFERENCE_ROUNDS):
+    rounds = DIFFERENCE_ROUNDS if len(question.recording.sources) > 1 else 0
+    for _ in range(rounds):
         tell("what differs between the recordings?")
         found = told_apart(question, contenders, offers)
         if found.leader is contenders.leader:
