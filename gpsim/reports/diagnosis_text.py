@@ -118,24 +118,39 @@ MOST_NAMED = 4
 
 
 def not_asked_lines(entries: Sequence[NotAsked]) -> list[str]:
-    """One line each: what never changed, was not measured or was settled, and what is left out for it."""
-    return list(map(_not_asked, entries))
+    """One line each: what never changed, was not measured or was settled, and what is left out for it.
+
+    All states that are estimated alike, as the velocities of a robot, are one line.
+    """
+    estimated: dict[tuple[str, ...], list[str]] = {}
+    for entry in entries:
+        if entry.because == "estimated":
+            estimated.setdefault(entry.families, []).append(entry.channel)
+    said = [_estimated(names) + _left_out(families) for families, names in estimated.items()]
+    return said + [_not_asked(e) + _left_out(e.families) for e in entries if e.because != "estimated"]
+
+
+def _estimated(names: Sequence[str]) -> str:
+    verbs = "were not measured and are" if len(names) > 1 else "was not measured and is"
+    return f"{listed(names)} {verbs} estimated"
+
+
+def _left_out(families: Sequence[str]) -> str:
+    return f"; not asked: {_families(families)}" if families else ""
 
 
 def _not_asked(entry: NotAsked) -> str:
     name, value = entry.channel, f"{entry.value:g} {entry.unit}" if entry.value is not None else ""
-    said = {
+    return {
         "no command": f"{name} was not recorded and is taken as 0 {entry.unit}",
         "constant command": f"{name} never changes ({value})",
         "constant": f"{name} never changes: it says little",
         "held": f"{name} never changes ({value}): it is taken as held still from outside",
         "not needed": f"{name} was not measured, and nothing that was depends on it: it is left out",
-        "estimated": f"{name} was not measured and is estimated",
         "known": f"{name} is known ({value})",
         "asked": "left out as you said",
         "does nothing": f"{name} is required and does nothing here: it is left out",
     }[entry.because]
-    return said + (f"; not asked: {_families(entry.families)}" if entry.families else "")
 
 
 def _families(families: Sequence[str]) -> str:
