@@ -79,6 +79,19 @@ def test_the_quadratic_foretells_what_leaving_a_term_out_costs(asked, best):
         assert quick.objective < refitted.objective + 0.2 * (refitted.objective - best.objective)
 
 
+def test_one_step_says_what_some_of_the_windows_alone_would(asked, best):
+    problem = asked[0].searched
+    around, spread = quadratic(problem, best), np.sqrt(np.diag(quadratic(problem, best).covariance))
+    kept = np.flatnonzero(np.arange(len(problem.windows)) % 4 != 0)
+    again = fit(problem.on(problem.windows.take(kept)), best.hypothesis, best.starts[kept], near=True)
+    moved = again.hypothesis.theta - best.hypothesis.theta
+    assert np.abs(moved / spread).max() > 0.1  # they say something else
+    assert np.abs(around.learnt_from(kept).theta - again.hypothesis.theta).max() < 0.25 * np.abs(moved).max()
+    assert around.learnt_from(np.arange(len(problem.windows))).theta == pytest.approx(
+        best.hypothesis.theta, rel=1e-2
+    )
+
+
 def test_what_is_surely_needed_is_not_in_doubt_of_a_large_account(asked, best):
     question, offers = asked
     problem, idle = question.searched, best.hypothesis

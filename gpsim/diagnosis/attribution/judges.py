@@ -17,7 +17,7 @@ from gpsim.diagnosis.attribution.noise import sensor_noise
 from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
 from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted, state_jacobian
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted, quadratic, state_jacobian
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
@@ -164,12 +164,15 @@ def _learnt_without(
     folds = int(places.fold.max(initial=0)) + 1
     if places.judged_on == "held-out rollouts" or not leader.hypothesis.terms:
         return (leader.hypothesis,) * folds
-    calls = []
+    kept = []
     for part in range(folds):
         rows = np.flatnonzero(~_touched(problem.windows, judged.take(places.fold == part)))
         enough = len(rows) >= problem.run.settings.prepare.fewest
-        rows = rows if enough else np.arange(len(problem.windows))
-        calls.append((problem.on(problem.windows.take(rows)), leader.hypothesis, leader.starts[rows]))
+        kept.append(rows if enough else np.arange(len(problem.windows)))
+    if closed(problem.simulator) is not None:  # every fit is dear, and few windows move it little
+        around = quadratic(problem, leader)
+        return tuple(around.learnt_from(rows) for rows in kept)
+    calls = [(problem.on(problem.windows.take(r)), leader.hypothesis, leader.starts[r]) for r in kept]
     return tuple(problem.run.side_by_side(_again, calls))
 
 

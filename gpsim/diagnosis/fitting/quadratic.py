@@ -29,13 +29,17 @@ TINY = 1e-150  # guards divisions: the root of the least information of a parame
 class Quadratic:
     """Around a fit: how far each parameter is from doing nothing (P,), its covariance (P, P), and slopes by starts.
 
-    rows: of each term in theta; smooth: whether no law of a term jumps or limits, so that the quadratic can be trusted.
+    information (W, P, P) and gradients (W, P) of each window, starts projected out; held: (P, P) beside them; rows: of
+    each term in theta; smooth: whether no law of a term jumps or limits, so that the quadratic can be trusted.
     """
 
     fit: Fit
     away: FloatArray
     covariance: FloatArray
     by_state: FloatArray
+    information: FloatArray
+    gradients: FloatArray
+    held: FloatArray
     rows: tuple[slice, ...]
     smooth: tuple[bool, ...]
 
@@ -52,11 +56,21 @@ class Quadratic:
         """The hypothesis without these terms, the others where the quadratic is least then, within their bounds."""
         hypothesis, at = self.fit.hypothesis, self._at(gone)
         moved = hypothesis.theta - self.covariance[:, at] @ np.linalg.solve(self._block(at), self.away[at])
-        low, high = np.array([(p.low, p.high) for p in hypothesis.parameters]).T
-        adapted = hypothesis.having(np.clip(moved, low, high))
+        adapted = self._having(moved)
         for index in sorted(gone, reverse=True):
             adapted = adapted.without(index)
         return adapted
+
+    def learnt_from(self, windows: IntArray) -> Hypothesis:
+        """The hypothesis as some of the windows alone say: one step from the fit to all of them, as a jackknife takes.
+
+        Where a law jumps or limits stays.
+        """
+        theta, at = self.fit.hypothesis.theta, self._at([i for i, s in enumerate(self.smooth) if s])
+        information = (self.information[windows].sum(axis=0) + self.held)[np.ix_(at, at)]
+        step = np.zeros_like(theta)
+        step[at] = _inverse(information) @ self.gradients[windows].sum(axis=0)[at]
+        return self._having(theta + step)
 
     def refitted(self, problem: Problem, gone: Sequence[int], iterations: int) -> Fit:
         """The fit without these terms: parameters by the quadratic, start states fitted anew by known slopes."""
@@ -64,8 +78,13 @@ class Quadratic:
         found = fit(problem, less.frozen(), self.fit.starts, iterations=iterations, known=self.by_state)
         return Fit(less, found.starts, found.residuals, found.variance, found.objective, found.converged)
 
+    def _having(self, theta: FloatArray) -> Hypothesis:
+        low, high = np.array([(p.low, p.high) for p in self.fit.hypothesis.parameters]).T
+        return self.fit.hypothesis.having(np.clip(theta, low, high))
+
     def _at(self, gone: Sequence[int]) -> IntArray:
-        return np.concatenate([np.arange(self.rows[i].start, self.rows[i].stop) for i in gone])
+        every = np.arange(len(self.away))
+        return np.concatenate([every[:0], *(every[self.rows[i]] for i in gone)])
 
     def _block(self, at: IntArray) -> FloatArray:
         return np.asarray(self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at)))
@@ -76,21 +95,31 @@ def _held(parameter: EffectParameter) -> float:
     return 0.0 if parameter.none == 0.0 else 1.0 / (RATIO_MOVES * parameter.scale) ** 2
 
 
+def _inverse(information: FloatArray) -> FloatArray:
+    """(P, P), scaled to a unit diagonal, so that what no window shows stays open instead of making all singular."""
+    size = np.sqrt(np.maximum(np.diag(information), TINY))
+    scale = np.outer(size, size)
+    return np.asarray(np.linalg.inv(information / scale + OPEN * np.eye(len(size))) / scale)
+
+
 @kept
 def quadratic(problem: Problem, found: Fit) -> Quadratic:
     """The quadratic around a fit to the problem's windows."""
     hypothesis, count = found.hypothesis, len(found.starts)
     by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, found.starts, found.residuals)
-    by_window, _ = projected(problem, found.residuals, by_state, by_theta, found.variance, np.zeros(count))
-    information = by_window.sum(axis=0) + np.diag([_held(p) for p in hypothesis.parameters])
-    size = np.sqrt(np.maximum(np.diag(information), TINY))
-    inverse = np.linalg.inv(information / np.outer(size, size) + OPEN * np.eye(len(size)))
+    by_window, gradients = projected(
+        problem, found.residuals, by_state, by_theta, found.variance, np.zeros(count)
+    )
+    held = np.diag([_held(p) for p in hypothesis.parameters])
     ends = np.cumsum([0, *(len(group) for group in hypothesis.declared)])
     return Quadratic(
         found,
         hypothesis.theta - np.array([p.high if p.falls else p.none for p in hypothesis.parameters]),
-        inverse / np.outer(size, size),
+        _inverse(by_window.sum(axis=0) + held),
         by_state,
+        by_window,
+        gradients,
+        held,
         tuple(slice(int(a), int(b)) for a, b in pairwise(ends)),
         tuple(
             not term.gate and not any(p.falls or p.step is not None for p in group)
