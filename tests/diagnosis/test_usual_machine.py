@@ -141,6 +141,20 @@ def test_of_a_large_account_families_play_and_their_terms_share_by_need():
     assert parts[:, 0].sum() == pytest.approx(whole[0])
 
 
+def test_of_many_players_of_a_robot_coming_first_and_last_stand_for_all_orders():
+    terms = tuple(
+        Term(f, f[:3], {}) for f in ("coulomb_friction", "viscous_friction", "armature", "spring", "payload")
+    )
+    account = Hypothesis(terms, ((),) * len(terms))
+    worth = {t.on: 0.01 * (i + 1) for i, t in enumerate(terms)}
+    whole = np.array([sum(worth.values()), 0.0])
+    judge, asked = AddsUp(worth), []
+    judge.squares = lambda accounts: (asked.extend(accounts), AddsUp.squares(judge, accounts))[1]
+    parts = importances(judge, account, whole, whole, np.ones(len(terms)), dear=True)
+    assert parts[:, 0] == pytest.approx(list(worth.values()))
+    assert len(asked) == 2 * len(terms)
+
+
 @pytest.mark.parametrize(
     ("system", "coordinate", "inertia"),
     [("slider", "q", ("mass",)), ("cartpole", "x", ("cart_mass",)), ("pendulum", "theta", ("mass",))],

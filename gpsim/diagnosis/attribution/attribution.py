@@ -17,6 +17,7 @@ from gpsim.diagnosis.fitting import Fit
 from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
 
 SEED = 2040  # of the draws: the same account is judged alike, whoever asks
 
@@ -73,7 +74,8 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     explained = _explained(mismatch, squares, problem.simulator.state.names, judge.judged_on, counts)
     without = judge.squares([[f.hypothesis] for f in fits_without(problem, leader, null)])
     lost = all_of_it - mismatch.overall(without)
-    parts = importances(judge, leader.hypothesis, all_of_it, overall, lost[:, 0])
+    dear = closed(problem.simulator) is not None
+    parts = importances(judge, leader.hypothesis, all_of_it, overall, lost[:, 0], dear=dear)
     importance = tuple(mismatch.share(values) for values in parts)
     needed = tuple(mismatch.share(values) for values in lost)
     settings, left = problem.run.settings.attribution, 1.0 - float(overall[0])

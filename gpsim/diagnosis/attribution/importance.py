@@ -9,7 +9,7 @@ share that goes when an effect goes and the others are fitted anew.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain, combinations
+from itertools import combinations
 from math import factorial
 
 import numpy as np
@@ -22,30 +22,42 @@ MOST = 6  # players at most: 64 subsets
 
 
 def importances(
-    judge: Judge, account: Hypothesis, whole: FloatArray, explained: FloatArray, needed: FloatArray
+    judge: Judge,
+    account: Hypothesis,
+    whole: FloatArray,
+    explained: FloatArray,
+    needed: FloatArray,
+    *,
+    dear: bool = False,
 ) -> FloatArray:
     """(T, 1 + D) the Shapley values of the account's T terms, on all blocks and on each draw.
 
     whole: (1 + D,) the worth of all terms; explained: (1 + D,) what they are to add up to: a little less where the
     account is judged in parts of the recording that its parameters have not seen. Of a large account the families are
-    the players, and what a family is worth its terms share as they are needed, (T,).
+    the players, and what a family is worth its terms share as they are needed, (T,). dear: every subset costs
+    simulations of a robot; of many players the mean of coming first and coming last then stands for all orders.
     """
     groups = players(account)
-    count, worth = len(groups), {frozenset[int](): np.zeros_like(whole)}
-    worth[frozenset(range(count))] = whole
-    subsets = list(chain.from_iterable(combinations(range(count), n) for n in range(1, count)))
+    count = len(groups)
+    few = dear and count > ALL_ORDERS
+    sizes = sorted({1, count - 1}) if few else range(1, count)
+    subsets = [s for n in sizes if 0 < n < count for s in combinations(range(count), n)]
+    worth = {frozenset[int](): np.zeros_like(whole), frozenset(range(count)): whole}
     if subsets:
         kept = [[term for i in subset for term in groups[i]] for subset in subsets]
         found = judge.mismatch.overall(judge.squares([[_only(account, terms)] for terms in kept]))
         worth |= dict(zip(map(frozenset, subsets), found, strict=True))
-    adds_up = explained / np.where(whole > 0.0, whole, 1.0)
+    shares = np.array([(_ends if few else _shapley)(i, count, worth) for i in range(count)])
+    total = shares.sum(axis=0) if few else whole
+    shares *= explained / np.where(total > 0.0, total, 1.0)
     out = np.empty((len(account.terms), *whole.shape))
-    for i, group in enumerate(groups):
+    for share, group in zip(shares, groups, strict=True):
         weights = np.maximum(needed[list(group)], LEAST_WEIGHT)
-        out[list(group)] = np.outer(weights / weights.sum(), _shapley(i, count, worth) * adds_up)
+        out[list(group)] = np.outer(weights / weights.sum(), share)
     return out
 
 
+ALL_ORDERS = 3  # players of a robot's account of which all orders are asked: six subsets
 LEAST_WEIGHT = 1e-9  # of a term that nothing needs: a family's parts add up all the same
 
 
@@ -67,6 +79,12 @@ def _shapley(player: int, count: int, worth: dict[frozenset[int], FloatArray]) -
             weight = factorial(size) * factorial(count - size - 1) / factorial(count)
             total = total + weight * (worth[subset | {player}] - value)
     return total
+
+
+def _ends(player: int, count: int, worth: dict[frozenset[int], FloatArray]) -> FloatArray:
+    """(K,) the mean of what a player brings before all others and after them, none of it less than nothing."""
+    every = frozenset(range(count))
+    return np.maximum(worth[frozenset({player})] + worth[every] - worth[every - {player}], 0.0) / 2.0
 
 
 def _only(hypothesis: Hypothesis, kept: Sequence[int]) -> Hypothesis:
