@@ -20,6 +20,10 @@ ERROR_MARGIN = 2.0
 """On the change when the substep is halved (a third-order scheme's error is 8/7 of that change, 4/3 where friction
 stops a body)."""
 ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
+LIKELY_ITERATIONS = 15  # of the fit of a likely machine, for which steps are chosen where the base whirls
+CAUTIOUS = 0.1
+"""Of the rotors so fitted, for which steps are chosen: the lighter, the faster all moves, and a fit from far off takes
+friction for inertia (ten times as much on a made log of an arm of seven joints)."""
 FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
 FINER_SHARE = 0.01
 """Of the variance left over, that it must take off where steps are dear: half of what a term must."""
@@ -54,49 +58,62 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
-def stepped(problem: Problem) -> Problem:
+def stepped(problem: Problem, likely: Hypothesis) -> Problem:
     """The question to a simulator that owns its integration in the steps that cost least of those exact enough.
 
     Those are its own, or fewer by a method of higher order: what its own step is off by would pass for physics, and
-    what happens in truth knows no step. Where none will do, the most exact.
+    what happens in truth knows no step. Where none will do for the base, those that do for `likely`: light links
+    without rotor and friction whirl as no machine does. Where none will do for that, the most exact.
     """
     system = closed(problem.simulator)
     assert system is not None
-    own, fewest = system.steps_of(problem.dt), int(np.ceil(problem.dt / USUAL_SUBSTEP))
-    problem = replace(problem, substeps=own)
+    problem, hypothesis = replace(problem, substeps=system.steps_of(problem.dt)), Hypothesis()
+    best, off = _cheapest(problem, system, hypothesis)
+    if off > 1.0 and likely.terms:
+        finely = replace(problem, simulator=system.exact())
+        found = fit(finely, likely, problem.windows.measured[:, 0], iterations=LIKELY_ITERATIONS)
+        rotors = np.array([t.family == "armature" for t in likely.terms for _ in t.values])
+        hypothesis = likely.having(np.where(rotors, CAUTIOUS, 1.0) * found.hypothesis.theta)
+        best, _ = _cheapest(problem, system, hypothesis)
+    return _with_slopes(best, system, hypothesis)
+
+
+def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
+    """The steps that cost least of those exact enough, or the most exact; and what they are off by, as tolerated."""
+    own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
     tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / HIDDEN_BY_NOISE)
     best, least = problem, np.inf
-    at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
-    theta, starts = at.hypothesis.theta[None], at.starts[None]
+    theta = hypothesis.theta[None]
+    at = fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
     exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         tried = replace(problem, simulator=simulator, substeps=steps)
-        found = replace(at, residuals=tried.residuals(at.hypothesis, theta, starts)[0])
+        residuals = tried.residuals(hypothesis, theta, at.starts[None])[0]
+        found = replace(at, hypothesis=hypothesis, residuals=residuals)
         off = float((numerical_error(tried, found) / tolerated)[problem.observed].max())
         if off < least:
             best, least = tried, off
         if off <= 1.0:
             break
-    return _with_slopes(best, system)
+    return best, least
 
 
-def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
+def _with_slopes(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> Problem:
     """The question with the steps that cost least of those that tell slopes as well as those it is simulated in.
 
     Longer ones by the model's own method, or by the one it is simulated with; as always where neither will do.
     """
     starts = problem.windows.measured[None, :, 0]
-    nothing, own = Hypothesis(), system.steps_of(problem.dt)
-    theta = nothing.theta[None]
-    exact = problem.residuals(nothing, theta, starts)[0]
+    theta, own = hypothesis.theta[None], system.steps_of(problem.dt)
+    exact = problem.residuals(hypothesis, theta, starts)[0]
     plain, dear = system.as_modelled(), COST_OF_EXACT
     choices = [(float(n), plain, n) for n in sorted({-(-own // times) for times in COARSER_STEPS})]
     if problem.substeps != own:
         choices += [(dear * n, problem.simulator, n) for n in range(1, problem.substeps)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         longer = replace(problem, slope_steps=steps, slope_simulator=simulator)
-        change = longer.slopes.residuals(nothing, theta, starts)[0] - exact
+        change = longer.slopes.residuals(hypothesis, theta, starts)[0] - exact
         spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
         if (spread <= TOLERATED_BY_COARSER * problem.scale)[problem.observed].all():
             return longer

@@ -19,6 +19,7 @@ SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
 BLOCKS = 40  # of an episode, in which means of commands are put in their place
 
 RUBS = "coulomb_friction"
+LIKELY = ("armature", "viscous_friction")
 
 
 def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
@@ -29,16 +30,30 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
     simulator, settings = problem.simulator, problem.run.settings
     if len(simulator.coordinates) > settings.closed_step.dry_joints:
         return {}
-    sizes, effect = Sizes(recording, simulator, problem.parameters, settings.candidates), effect_of(RUBS)
     rows = evenly(len(problem.windows), DRY_WINDOWS)
     some, found = problem.on(problem.windows.take(rows)), {}
+    for rubbing in _usual_terms(problem, recording, RUBS):
+        times = dry_steps(some, rubbing)
+        if times > 1:
+            found[rubbing.terms[0].on] = times
+    return found
+
+
+def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
+    """A rotor and viscous friction of the usual size at every joint, as machines have them."""
+    every = [h for family in LIKELY for h in _usual_terms(problem, recording, family)]
+    return Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
+
+
+def _usual_terms(problem: Problem, recording: Recording, family: str) -> list[Hypothesis]:
+    """An effect of its usual size at each of its places, one hypothesis each."""
+    simulator, effect = problem.simulator, effect_of(family)
+    sizes = Sizes(recording, simulator, problem.parameters, problem.run.settings.candidates)
+    out = []
     for on in effect.places(simulator):
         declared = effect.parameters(sizes.place(effect, on))
-        term = Term(RUBS, on, {p.name: p.starts[0] for p in declared})
-        times = dry_steps(some, Hypothesis((term,), (declared,)))
-        if times > 1:
-            found[on] = times
-    return found
+        out.append(Hypothesis((Term(family, on, {p.name: p.starts[0] for p in declared}),), (declared,)))
+    return out
 
 
 def means_serve(

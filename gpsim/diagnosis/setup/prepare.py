@@ -30,7 +30,7 @@ from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
-from gpsim.diagnosis.setup.own_steps import means_serve, steady_length, steps_with_friction
+from gpsim.diagnosis.setup.own_steps import likely_machine, means_serve, steady_length, steps_with_friction
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
@@ -256,7 +256,7 @@ def _problem(
     )
     if closed(simulator) is None:
         return problem
-    return _in_steps_of(problem, like or stepped(_sample(problem)))
+    return _in_steps_of(problem, like or stepped(_sample(problem), likely_machine(problem, recording)))
 
 
 def _in_steps_of(problem: Problem, other: Problem) -> Problem:

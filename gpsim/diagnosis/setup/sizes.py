@@ -23,6 +23,9 @@ FEWEST_WITHOUT_CONTACT = 100
 
 TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
 MEDIAN = 0.5  # quantile
+REFLECTED = 0.3
+"""Of the inertia that would turn a joint's forces into its accelerations, that a rotor behind gears may well be: at a
+wrist it is thousands of times what it moves (a made log of an arm of seven joints), and friction takes the rest."""
 
 
 class Sizes:
@@ -59,6 +62,7 @@ class Sizes:
         rates = simulator.rates(rows.states, rows.actions, parameters)
         rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
         self._forces: dict[str, float] = {}
+        self._resists: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
         self._turned: dict[str, tuple[bool, bool]] = {}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
@@ -75,6 +79,8 @@ class Sizes:
                 usual = measured  # nobody pushes: what it does is all that tells how large forces are
             easily = max(float(np.median(np.abs(mobility))), TINY)
             self._forces[coordinate.name] = max(usual / easily, TINY)
+            moves = max(float(np.sqrt(np.mean(rows_rates[:, column] ** 2))), TINY)
+            self._resists[coordinate.name] = self._forces[coordinate.name] / moves
             at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
             q, v = rows.states[:, at], rows.states[:, speed]
             missed = (rows_rates - rates)[:, column] / np.where(np.abs(mobility) > 0, mobility, np.inf)
@@ -140,9 +146,11 @@ class Sizes:
                 )
             return Place(on, "1", dt=self._dt, bounds=self._shares(on))
         if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
-            less = (-there.least, np.inf)
+            less, size = (-there.least, np.inf), there.size
+            if effect.family == "armature":
+                size = max(size, REFLECTED * self._resists[on])
             return Place(
-                on, there.unit, there.size, reach=there.reach, dt=self._dt, bounds=less, centre=there.centre
+                on, there.unit, size, reach=there.reach, dt=self._dt, bounds=less, centre=there.centre
             )
         return Place(on, "1", dt=self._dt)
 
