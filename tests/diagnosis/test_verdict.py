@@ -199,6 +199,19 @@ def test_of_a_force_of_0_and_1100_n_nothing_is_claimed():
     assert claimed(judged, Worth(("headline",) * 3), sizes).roles == ("slight", "slight", "headline")
 
 
+@pytest.mark.parametrize(("others", "role"), [(1, "headline"), (2, "slight")])
+def test_the_rotor_of_one_joint_of_unknown_size_is_no_claim_beside_those_of_others(others, role):
+    joints = [f"joint{i}" for i in range(others + 1)]
+    judged = judgement()
+    judged.leader.hypothesis = Hypothesis(
+        terms=tuple(Term("armature", joint, {"inertia": 0.4}) for joint in joints),
+        declared=((),) * len(joints),
+    )
+    known, vague = ({"inertia": Estimate(0.4, low, 0.8, "kg m^2")} for low in (0.3, 0.0))
+    roles = claimed(judged, Worth(("headline",) * len(joints)), [vague, *[known] * others]).roles
+    assert roles == (role, *["headline"] * others)
+
+
 def test_an_unknown_account_claims_nothing():
     assert without_claims(Worth(("headline", "slight"))).roles == ("slight", "slight")
 

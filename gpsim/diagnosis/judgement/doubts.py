@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -11,18 +12,31 @@ from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import misses, surely_below
 from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
+from gpsim.diagnosis.selection import is_row
 from gpsim.diagnosis.settings import Settings
+
+JOINTS = 2  # whose friction, or rotor, is known, beside which another's of unknown size is no claim
 
 
 def claimed(
     judgement: Judgement, attribution: Attribution, sizes: Sequence[Mapping[str, Estimate]]
 ) -> Attribution:
-    """The attribution in which an effect of whose size nothing is known is no claim: another could stand for it."""
+    """The attribution in which an effect of whose size nothing is known is no claim: another could stand for it.
+
+    Nor is the friction of one joint, or its rotor, of whose size too little is known beside that of other joints.
+    """
     terms = judgement.leader.hypothesis.terms
-    roles = tuple(
-        "slight" if no_size(term.family, own) else role
-        for term, own, role in zip(terms, sizes, attribution.roles, strict=True)
-    )
+    known = [
+        role == "headline" and sized(t.family, own)
+        for t, own, role in zip(terms, sizes, attribution.roles, strict=True)
+    ]
+    rows = Counter(t.family for t, told in zip(terms, known, strict=True) if told and is_row(t.effect))
+
+    def nothing_known(i: int) -> bool:
+        of_one_joint = rows[terms[i].family] >= JOINTS and not known[i]
+        return of_one_joint or no_size(terms[i].family, sizes[i])
+
+    roles = tuple("slight" if nothing_known(i) else role for i, role in enumerate(attribution.roles))
     return replace(attribution, roles=roles)
 
 
