@@ -100,7 +100,7 @@ class EffectsPlant:
             command = self.chain.command(action, state, values, effects, step, now)
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
-            self.chain.sensors.watch(state, seen, step)
+            self.chain.sensors.watch(state, values, seen, step)
         return state
 
     def _at_once(
@@ -125,7 +125,7 @@ class EffectsPlant:
         )
         path = self.chain.rolled(owner, state, commands, values, step, begin, extra)
         for k in range(several if self.chain.sensors.remember else 0):
-            self.chain.sensors.watch(path[:, k], seen, step)
+            self.chain.sensors.watch(path[:, k], values, seen, step)
         memory["clock"] += several * self._step
         return path[:, -1]
 
@@ -194,8 +194,9 @@ class EffectsPlant:
 
     def _still(self, state: FloatArray) -> Memory:
         """The memory of sensors that have long looked at a state (B, S)."""
-        back = self.chain.sensors.reach(self._values(1), np.array([self._step]))
-        return self.chain.sensors.begin(np.repeat(state[:, None], back, axis=1))
+        back, count = self.chain.sensors.reach(self._values(1), np.array([self._step])), len(state)
+        history, step = np.repeat(state[:, None], back, axis=1), np.full(count, self._step)
+        return self.chain.sensors.begin(history, self._values(count), step)
 
     @property
     def youngest(self) -> float:

@@ -289,16 +289,26 @@ class SensorEffect(Effect):
         """How far back [s] it looks."""
         return 0.0
 
-    def begin(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
-        """Memory of a batch with the true states of the last substeps (B, K, S), the newest last.
+    def begin(
+        self,
+        history: FloatArray,
+        column: int,
+        values: Values,
+        step: FloatArray,
+        steps: FloatArray | None = None,
+    ) -> tuple[Memory, FloatArray]:
+        """Memory of a batch with the states of the last substeps (B, K, S), the newest last, and what it makes of them.
 
-        steps: (B, K) s, how long after the one before each state is, where the clock is uneven.
+        The latter is what a sensor that remembers and acts later sees. step: (B,) s, of a substep; steps: (B, K) s, how
+        long after the one before each state is, where the clock is uneven.
         """
-        return {}
+        return {}, history
 
-    def watch(self, state: FloatArray, column: int, memory: Memory, step: FloatArray) -> None:
-        """Called once a substep of `step` (B,) s with the true state (B, S) at its end."""
-        return
+    def watch(
+        self, state: FloatArray, column: int, values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """Called once a substep of `step` (B,) s with the state (B, S) at its end; what a later sensor sees of it."""
+        return state
 
     def measure(
         self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray

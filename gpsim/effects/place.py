@@ -67,7 +67,8 @@ class Place:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a
     channel went; turned: whether something pushed a coordinate back at either end of that; stands: whether a channel's
-    readings stand at either end; silent: the least reading of a channel that has zeros and nothing between; ripples:
+    readings stand at either end; trails: whether a channel trails the position or the speed that it goes with; silent:
+    the least reading of a channel that has zeros and nothing between; ripples:
     (period, phase) of what a scan over a coordinate's positions found. speed: the typical speed of a coordinate, or of
     the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
     parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
@@ -92,6 +93,7 @@ class Place:
     visited: tuple[float, float] | None = None
     turned: tuple[bool, bool] = (True, True)
     stands: tuple[bool, bool] = (True, True)
+    trails: bool = True
     silent: float = 0.0
     ripples: tuple[tuple[float, float], ...] = ()
 

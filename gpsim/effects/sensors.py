@@ -11,6 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import SensorEffect, Values, columns_of
 from gpsim.effects.families.sensor_delay import SensorDelay
+from gpsim.effects.families.sensor_lag import SensorLag
 from gpsim.effects.term import Term
 from gpsim.simulators import Memory, Simulator, part_of
 
@@ -35,22 +36,33 @@ class Sensors:
         return sum(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._effects)
 
     def looks_back(self, values: Sequence[Values]) -> float:
-        """How far back [s] they look."""
-        return max((effect.reach(values[i]) for i, effect, _ in self._effects), default=0.0)
+        """How far back [s] they look: those of one channel after one another."""
+        by_column: dict[int, float] = {}
+        for i, effect, columns in self._effects:
+            by_column[columns[0]] = by_column.get(columns[0], 0.0) + effect.reach(values[i])
+        return max(by_column.values(), default=0.0)
 
     def reach(self, values: Sequence[Values], step: FloatArray) -> int:
         """How many substeps of `step` (B,) [s] back they look."""
         shortest = max(float(np.min(step)), SHORTEST)
         return int(np.ceil(self.looks_back(values) / shortest)) + 2
 
-    def begin(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
+    def begin(
+        self,
+        history: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        steps: FloatArray | None = None,
+    ) -> Memory:
         """Their memory at the start of a batch, from its last true states (B, K, S), the newest last.
 
-        steps: (B, K) s, how long after the one before each state is; only where the clock is uneven.
+        step: (B,) s, of a substep; steps: (B, K) s, how long after the one before each state is; only where the clock
+        is uneven.
         """
         memory: Memory = {}
-        for i, effect, _ in self._effects:
-            memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
+        for i, effect, columns in self._effects:
+            part, history = effect.begin(history, columns[0], values[i], step, steps)
+            memory |= {f"{i}/{key}": kept for key, kept in part.items()}
         return memory
 
     def __len__(self) -> int:
@@ -61,17 +73,22 @@ class Sensors:
         """Term and column of those that say what their channel was before."""
         return [(i, columns[0]) for i, effect, columns in self._effects if isinstance(effect, SensorDelay)]
 
+    @cached_property
+    def lagging(self) -> list[tuple[int, int]]:
+        """Term and column of those that follow their channel with a lag."""
+        return [(i, columns[0]) for i, effect, columns in self._effects if isinstance(effect, SensorLag)]
+
     @property
     def late_first(self) -> bool:
-        """Whether those come first, and nobody else remembers."""
-        first = [i for i, *_ in self._effects[: len(self.late)]]
-        return self.remembering == len(self.late) and first == [i for i, _ in self.late]
+        """Whether lags come first, then those, and nobody else remembers."""
+        known = [i for i, _ in (*self.lagging, *self.late)]
+        return self.remembering == len(known) and known == [i for i, *_ in self._effects[: len(known)]]
 
     @property
     def rest(self) -> list[int]:
         """The terms of all others."""
-        late = [i for i, _ in self.late]
-        return [i for i, *_ in self._effects if i not in late]
+        known = [i for i, _ in (*self.lagging, *self.late)]
+        return [i for i, *_ in self._effects if i not in known]
 
     def rest_measure(self, state: FloatArray, values: Mapping[int, Values], step: FloatArray) -> FloatArray:
         """(B, S): what all others make of what those say; values: of the rest's terms."""
@@ -81,10 +98,10 @@ class Sensors:
                 out = effect.measure(out, columns, values[i], {}, step)
         return out
 
-    def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
+    def watch(self, state: FloatArray, values: Sequence[Values], memory: Memory, step: FloatArray) -> None:
         """Let those that remember see the state (B, S) at the end of a substep (B,) [s]."""
         for i, effect, columns in self._effects:
-            effect.watch(state, columns[0], part_of(memory, f"{i}/"), step)
+            state = effect.watch(state, columns[0], values[i], part_of(memory, f"{i}/"), step)
 
     def measure(
         self, state: FloatArray, values: Sequence[Values], memory: Memory, step: FloatArray

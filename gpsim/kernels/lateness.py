@@ -1,6 +1,8 @@
-"""What late sensors read of states that were passed (see `gpsim.effects.sensor_delay`)."""
+"""What late sensors, and those with a lag, read of states that were passed (see `gpsim.effects.families`)."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -71,3 +73,41 @@ def delay(
                     share = min(max(share, 0.0), 1.0)
                     total = was[place] + share * (was[place + 1] - was[place])
             out[row, k, column] += total - now
+
+
+@entry(f"void({F3}, int64, int64, int64, {F1}, {F2}, {F2}, {I1}, {F3})")
+def lag(
+    passed: FloatArray,
+    depth: int,
+    n: int,
+    column: int,
+    constant: FloatArray,
+    steps: FloatArray,
+    when: FloatArray,
+    window: IntArray,
+    out: FloatArray,
+) -> None:
+    """Change a column of out (B, L + 1, S), and of passed, to what follows it with a time `constant` (B,) s.
+
+    The other arrays are those of `delay`. Before the first state a straight line led to it, if two are known.
+    """
+    for row in range(len(out)):
+        w, lasting = window[row], max(constant[row], 1e-9)
+        last, behind = passed[row, 0, column], 0.0
+        for m in range(passed.shape[1]):
+            now = passed[row, m, column]
+            if m > 0:
+                if when.shape[1]:
+                    h = when[w, m] - when[w, m - 1]
+                else:
+                    h = steps[w, (m - depth) // n + 1 if m >= depth else 0]
+                ratio = max(h, 1e-12) / lasting
+                behind *= math.exp(-ratio)
+                behind += (now - last) * (-math.expm1(-ratio) / ratio)
+            elif depth > 1:
+                h = when[w, 1] - when[w, 0] if when.shape[1] else steps[w, 0]
+                behind = lasting * (passed[row, 1, column] - now) / max(h, 1e-12)
+            last = now
+            passed[row, m, column] = now - behind
+            if m >= depth - 1 and (m - depth + 1) % n == 0:
+                out[row, (m - depth + 1) // n, column] -= behind

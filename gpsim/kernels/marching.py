@@ -180,15 +180,19 @@ def read_late(
     when: FloatArray,
     window: IntArray,
     out: FloatArray,
+    *,
+    lags: bool = False,
 ) -> None:
     """Change a column of the states out (B, L + 1, S) to what a sensor reads that is `late` (B,) s.
 
-    steps: (W, L + 1) s, a substep of the transition that ends there; when: (W, D + L n) s, when the states were that
-    were passed, of no columns where the clock is even.
+    lags: it follows with a lag of that time constant, and the states that were passed change, too. steps: (W, L + 1) s,
+    a substep of the transition that ends there; when: (W, D + L n) s, when the states were that were passed, of no
+    columns where the clock is even.
     """
-    from gpsim.kernels.lateness import delay
+    from gpsim.kernels.lateness import delay, lag
 
-    delay(passed, past.depth, n, column, _own(late), _own(steps), _own(when), window, out)
+    read = lag if lags else delay
+    read(passed, past.depth, n, column, _own(late), _own(steps), _own(when), window, out)
 
 
 def _layout(program: Program, n: int, *, finely: bool, uneven: bool) -> IntArray:

@@ -163,9 +163,9 @@ def test_a_late_sensor_reads_between_substeps_to_fourth_order():
         )
         t = 1.0 + h * np.arange(-12, 1)
         history = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=1)[None]
-        said = chain.sensors.measure(
-            history[:, -1], [{"delay": np.array([delay])}], chain.sensors.begin(history), np.array([h])
-        )
+        values, step = [{"delay": np.array([delay])}], np.array([h])
+        seen = chain.sensors.begin(history, values, step)
+        said = chain.sensors.measure(history[:, -1], values, seen, step)
         return abs(said[0, 0] - np.sin(3 * (1.0 - delay)))
 
     assert read(0.01) < 1e-6
@@ -182,9 +182,9 @@ def test_a_late_sensor_reads_a_time_ago_on_an_uneven_clock(delay):
     steps[1, 25] = 0.0  # two samples that bear one stamp
     t = np.cumsum(steps, axis=1)
     states = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=2)
-    memory = chain.sensors.begin(states[:, :20], steps[:, :20])
+    memory = chain.sensors.begin(states[:, :20], values, steps[:, 0], steps[:, :20])
     for k in range(20, 40):
-        chain.sensors.watch(states[:, k], memory, steps[:, k])
+        chain.sensors.watch(states[:, k], values, memory, steps[:, k])
         said = chain.sensors.measure(states[:, k], values, memory, steps[:, k])
         np.testing.assert_allclose(said[0, 0], np.sin(3 * (t[0, k] - delay)), atol=2e-6)
         np.testing.assert_allclose(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -62,21 +63,24 @@ def _read(
     passed: FloatArray,
     past: Past | None,
 ) -> FloatArray:
-    """(B, L + 1, S) what the sensors say of the states (B, L + 1, S), which change: first those that are late."""
+    """(B, L + 1, S) what the sensors say of the states (B, L + 1, S), which change: first lags, then what is late."""
     steps = np.diff(windows.t, axis=1) / setting.n
     steps = np.concatenate([steps[:, :1], steps], axis=1)
     if past is not None:
         when = np.empty((len(windows), 0)) if setting.even else _when(windows, past.depth, setting.n)
+        read = partial(read_late, passed, past, setting.n)
+        for term, column in chain.sensors.lagging:
+            read(column, values[term]["time_constant"], steps, when, rows, states, lags=True)
         for term, column in chain.sensors.late:
-            read_late(passed, past, setting.n, column, values[term]["delay"], steps, when, rows, states)
+            read(column, values[term]["delay"], steps, when, rows, states)
     count, times, channels = states.shape
     others = {
         i: {name: np.repeat(value, times) for name, value in values[i].items()} for i in chain.sensors.rest
     }
     if not others:
         return states
-    read = chain.sensors.rest_measure(states.reshape(-1, channels), others, steps[rows].ravel())
-    return read.reshape(count, times, channels)
+    said = chain.sensors.rest_measure(states.reshape(-1, channels), others, steps[rows].ravel())
+    return said.reshape(count, times, channels)
 
 
 def _when(windows: Windows, depth: int, n: int) -> FloatArray:

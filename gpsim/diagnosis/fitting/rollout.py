@@ -71,9 +71,10 @@ def roll(
     steps = np.diff(clock, axis=1) / n
     watching = chain.sensors.remember
     seen: Memory = {}
-    if watching:
-        seen = chain.sensors.begin(*_history(chain, windows, rows, starts, values, setting, drive))
     every = n // looks
+    if watching:
+        history, past = _history(chain, windows, rows, starts, values, setting, drive)
+        seen = chain.sensors.begin(history, values, every * steps[:, 0], past)
     out[:, 0] = chain.sensors.measure(starts, values, seen, every * steps[:, 0])
     whole = setting.even and extra is None and not chain.looks
     state = starts
@@ -90,7 +91,7 @@ def roll(
         else:
             path = made[:, k * n : (k + 1) * n]
         for j in range(every - 1, n, every) if watching else ():
-            chain.sensors.watch(path[:, j], seen, every * step)
+            chain.sensors.watch(path[:, j], values, seen, every * step)
         state = tamed(path[:, -1])
         out[:, k + 1] = chain.sensors.measure(state, values, seen, every * step)
     return out

@@ -156,7 +156,8 @@ def _run(
     watching = chain.sensors.remember
     seen = {}
     if watching:
-        seen = chain.sensors.begin(*_history(chain, windows, rows, starts, values, setting, drive))
+        history, steps = _history(chain, windows, rows, starts, values, setting, drive)
+        seen = chain.sensors.begin(history, values, step, steps)
     out[:, 0] = chain.sensors.measure(state, values, seen, step)
     for k in range(windows.length):
         t = clock[k]
@@ -165,7 +166,7 @@ def _run(
         for j in range(n):
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:
-                chain.sensors.watch(state, seen, step)
+                chain.sensors.watch(state, values, seen, step)
         state = tamed(state)
         out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
     return tamed(out) if watching else out  # a late sensor sees states of before they were tamed

@@ -1,6 +1,8 @@
-"""What a channel's readings show by themselves: where they stand at an end, and which small ones are missing."""
+"""What a channel's readings show by themselves: where they stand at an end, which small ones are missing, what trails."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +12,9 @@ FEWEST = 10  # readings of one value: fewer are chance
 AS_MANY = 5  # times as many as have the next value: at a turning point of a coarse signal they are 2.4 times as many
 HOLLOW = 5  # times the usual step between small readings that the least of them is away from 0
 SMALL = 20  # readings that tell this usual step
+SURELY = 4.0  # standard errors that a channel must trail another by: all channels of a robot are asked
+BRIEF = 0.02  # of the time between two readings: by less nobody trails
+STRIDES = (1, 4, 16)  # samples apart are readings that are compared
 
 
 def stands(readings: FloatArray) -> tuple[bool, bool]:
@@ -28,3 +33,36 @@ def unread(readings: FloatArray) -> float:
         return 0.0
     usual = float(np.median(np.diff(sizes[1 : SMALL + 2])))
     return float(sizes[1]) if sizes[1] > HOLLOW * usual else 0.0
+
+
+def trails(pieces: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
+    """Whether a coordinate's speed surely trails its position (1), or the position the speed (-1); else 0.
+
+    pieces: (travelled (K,), speed (K,), t (K,) s) of each episode. A speed that is read T late, or filtered with a time
+    constant T, is behind by T times the acceleration; one that is off or scaled is not. Noise of either channel favours
+    no sign. It hides less of what happens over several samples.
+    """
+    for stride in STRIDES:
+        rows = np.concatenate([_stretches(*piece, stride) for piece in pieces])
+        rows = rows[rows[:, 3] > 0.0]
+        which = _trails(*rows.T)
+        if which:
+            return which
+    return 0
+
+
+def _stretches(travelled: FloatArray, speed: FloatArray, t: FloatArray, stride: int) -> FloatArray:
+    """(N, 4) of stretches of so many samples: way, way by the speed that was read, change of that, time [s]."""
+    way = np.concatenate([[0.0], np.cumsum(np.diff(t) * (speed[:-1] + speed[1:]) / 2)])
+    return np.stack([np.diff(x[::stride]) for x in (travelled, way, speed, t)], axis=1)
+
+
+def _trails(way: FloatArray, told: FloatArray, change: FloatArray, lasting: FloatArray) -> int:
+    causes = np.stack([change / lasting, told / lasting, np.ones_like(told)], axis=1)
+    if len(way) < FEWEST or np.linalg.matrix_rank(causes) < causes.shape[1]:
+        return 0
+    behind, inverse = (way - told) / lasting, np.linalg.inv(causes.T @ causes)
+    found = inverse @ causes.T @ behind
+    error = np.sqrt(inverse[0, 0] * float(np.mean((behind - causes @ found) ** 2)))
+    sure = abs(found[0]) > max(SURELY * error, BRIEF * float(np.median(lasting)))
+    return int(np.sign(found[0])) if sure else 0

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.readings import stands, unread
+from gpsim.diagnosis.setup.readings import stands, trails, unread
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -39,6 +39,7 @@ class Sizes:
         settings: CandidateSettings,
     ) -> None:
         rows = recording.transitions()
+        self._trailing = _trailing(recording, simulator)
         rows = rows.take(evenly(len(rows), ROWS_OF_SIZES))
         rows = rows.take(apart(simulator, FEWEST_WITHOUT_CONTACT, rows.states, rows.next_states))
         self._reach = settings.reach
@@ -134,6 +135,7 @@ class Sizes:
                 dt=self._dt,
                 visited=(float(read.min()), float(read.max())),
                 stands=stands(read),
+                trails=on in self._trailing,
                 silent=unread(read),
             )
         if effect.site == "parameter" and on in self._simulator.parameters:
@@ -167,3 +169,19 @@ def _typical(sizes: FloatArray, quantile: float) -> float:
     """Of values (N,) >= 0: their quantile, the largest where nearly all are 0 (a command that is seldom given)."""
     usual = float(np.quantile(sizes, quantile))
     return max(usual if usual > TINY else float(sizes.max()), TINY)
+
+
+def _trailing(recording: Recording, simulator: Simulator) -> set[str]:
+    """The channels that surely trail the position or the speed that they go with, where both were measured."""
+    out: set[str] = set()
+    if recording.velocities == "differentiated":
+        return out
+    steps = [difference(e.states[1:], e.states[:-1], simulator.state) for e in recording.episodes]
+    travelled = [np.cumsum(np.insert(moved, 0, 0.0, axis=0), axis=0) for moved in steps]
+    for coordinate in simulator.coordinates:
+        at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
+        whole = zip(travelled, recording.episodes, strict=True)
+        which = trails([(way[:, at], e.states[:, speed], e.t) for way, e in whole])
+        if which:
+            out.add(coordinate.velocity if which > 0 else coordinate.name)
+    return out

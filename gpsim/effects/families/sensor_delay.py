@@ -42,15 +42,24 @@ class SensorDelay(SensorEffect):
         """The longest delay [s]."""
         return float(np.max(values["delay"], initial=0.0))
 
-    def begin(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
+    def begin(
+        self,
+        history: FloatArray,
+        column: int,
+        values: Values,
+        step: FloatArray,
+        steps: FloatArray | None = None,
+    ) -> tuple[Memory, FloatArray]:
         """The last states in a ring, and where the oldest lies; on an uneven clock also when [s] each one was."""
         memory = {"past": np.array(history), "head": np.zeros(len(history))}
         if steps is not None:
             when = np.cumsum(steps, axis=1)
             memory["when"] = when - when[:, -1:]
-        return memory
+        return memory, history
 
-    def watch(self, state: FloatArray, column: int, memory: Memory, step: FloatArray) -> None:
+    def watch(
+        self, state: FloatArray, column: int, values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
         """Remember the newest state."""
         head = memory["head"].astype(np.int64)
         rows: IntArray | slice = np.arange(len(state))
@@ -61,6 +70,7 @@ class SensorDelay(SensorEffect):
         if "when" in memory:
             memory["when"][rows, head] = memory["when"][rows, head - 1] + step
         memory["head"][:] = (head + 1) % memory["past"].shape[1]
+        return state
 
     def measure(
         self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray

@@ -26,6 +26,8 @@ ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
 }
 LAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("sensor")
 """What sensors do at last, to noise, too: laws of (values, reading)."""
+PAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("past")
+"""What sensors that remember read of all that was: laws of (values, past, step)."""
 DECK = tuple(sorted(strengths.STRENGTHS))
 """The families that worlds of every stratum but `words` hold."""
 STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, w in WORDS.items()}}
@@ -35,6 +37,7 @@ __all__ = [
     "DECK",
     "GRIP",
     "LAST_SENSORS",
+    "PAST_SENSORS",
     "SENSORS",
     "SMOOTH",
     "STRENGTHS",

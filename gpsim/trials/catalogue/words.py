@@ -26,16 +26,18 @@ class Word:
     """One family.
 
     law: of a force (k, q, v); of a grip (k, v, load); of an actuator (k, u, speed of what it drives); of a twist
-    (k, v, lateral, w); of a sensor (k, y). by_command: a grip's load is the command's size. needs_levels: only commands
-    of many values show it.
+    (k, v, lateral, w); of a sensor (k, y); of one that remembers, `past`, (k, all true values of its channel until now
+    (K, E), the time between two of them [s]). by_command: a grip's load is the command's size. needs_levels: only
+    commands of many values show it; needs_speeds: only where speeds are measured beside positions.
     """
 
-    site: Literal["smooth", "grip", "actuator", "twist", "sensor"]
+    site: Literal["smooth", "grip", "actuator", "twist", "sensor", "past"]
     law: Callable[..., Any]
     strength: Draw
     systems: Systems = MECHANICAL
     by_command: bool = False
     needs_levels: bool = False
+    needs_speeds: bool = False
 
 
 def _dead_band(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
@@ -119,6 +121,16 @@ def _range_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return {"low": rounded(low), "high": rounded(high)}
 
 
+def _filtered(k: Values, past: FloatArray, h: float) -> FloatArray:
+    """An exponentially weighted mean of all that was, each value held for h; the first one for ever before."""
+    back = past[::-1][: 1 + int(np.ceil(25.0 * k["time_constant"] / h))]
+    kept = np.exp(-h / k["time_constant"])
+    weights = (1.0 - kept) * kept ** np.arange(len(back))
+    weights[-1] += kept ** len(back)
+    middle = np.concatenate([(back[:-1] + back[1:]) / 2, back[-1:]])  # what was held is what was in the middle
+    return np.asarray(np.tensordot(weights, middle, axes=1))
+
+
 WORDS: Mapping[str, Word] = {
     "actuator_dead_band": Word(
         "actuator",
@@ -170,6 +182,12 @@ WORDS: Mapping[str, Word] = {
         lambda k, y: y * (np.abs(y) >= k["width"]),
         lambda s, on, d: {"width": rounded(d.size(0.15, 0.6) * float(np.std(s.column(on))))},
     ),
+    "sensor_lag": Word(
+        "past",
+        _filtered,
+        lambda s, on, d: {"time_constant": rounded(d.size(0.4, 4.0) * s.world.dt)},
+        needs_speeds=True,
+    ),
 }
 
 
@@ -178,10 +196,10 @@ def at_site(site: str) -> dict[str, Callable[..., Any]]:
     return {family: word.law for family, word in WORDS.items() if word.site == site}
 
 
-def places_of(family: str, system: Any) -> list[str]:
-    """What a family of these can act on in a system."""
+def places_of(family: str, system: Any, velocities: str | None = "measured") -> list[str]:
+    """What a family of these can act on in a system whose velocities are measured, or are not."""
     word = WORDS[family]
-    if system.name not in word.systems:
+    if system.name not in word.systems or (word.needs_speeds and velocities != "measured"):
         return []
     if word.by_command:
         return [DRIVEN[system.name]]
@@ -189,6 +207,7 @@ def places_of(family: str, system: Any) -> list[str]:
         "actuator": list(system.action),
         "twist": ["vehicle"],
         "sensor": list(system.names),
+        "past": list(system.names),
     }
     return at.get(word.site, list(system.coordinates))
 

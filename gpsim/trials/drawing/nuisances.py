@@ -23,7 +23,7 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     if family in outside.EVERY_KIND:
         return outside.EVERY_KIND[family].places(system, velocities)
     if family in catalogue.WORDS:
-        return catalogue.places_of(family, system)
+        return catalogue.places_of(family, system, velocities)
     if family in catalogue.SMOOTH or family in catalogue.GRIP:
         return list(system.coordinates)
     if family in catalogue.ACTUATORS:

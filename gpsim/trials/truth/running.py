@@ -32,6 +32,10 @@ def sense(
     for effect in (e for e in effects if e.family in REMEMBERING):
         column = names.index(effect.on)
         now[:, column] = REMEMBERING[effect.family](effect.values).read(past[: index + 1, :, column], h)
+    for effect in (e for e in effects if e.family in catalogue.PAST_SENSORS):
+        column = names.index(effect.on)
+        law = catalogue.PAST_SENSORS[effect.family]
+        now[:, column] = law(effect.values, past[: index + 1, :, column], h)
     for effect in ordered:
         catalogue.read(effect, names, now)
     for effect in (e for e in effects if e.family in DISTORTING):
