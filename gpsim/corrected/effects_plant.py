@@ -73,6 +73,7 @@ class EffectsPlant:
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Actuators at rest, clocks at the episodes' ages, sensors that have seen nothing."""
         memory = {f"effects/{k}": np.repeat(v, count, axis=0) for k, v in self._rested.items()}
+        memory |= {f"bristles/{k}": v for k, v in self.chain.unbent(count).items()}
         memory["clock"] = self._drawn_ages(count, rng)
         if self.chain.sensors.remember:
             memory |= {f"seen/{k}": v for k, v in self._still(np.zeros((count, len(self.state)))).items()}
@@ -85,7 +86,7 @@ class EffectsPlant:
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
         """(B, S): the true state after one control step."""
-        count = len(state)
+        count, bends = len(state), part_of(memory, "bristles/")
         effects, seen = part_of(memory, "effects/"), self._seen(state, memory)
         values = self._values(count, memory)
         extra = None
@@ -98,7 +99,7 @@ class EffectsPlant:
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
             command = self.chain.command(action, state, values, effects, step, now)
-            state = self.chain.advance(state, command, values, step, now, extra)
+            state = self.chain.advance(state, command, values, step, now, extra, bends)
             memory["clock"] += step
             self.chain.sensors.watch(state, values, seen, step)
         return state

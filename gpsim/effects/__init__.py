@@ -1,5 +1,6 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
+from gpsim.effects.bristles import bent
 from gpsim.effects.brought import (
     Brought,
     again,
@@ -18,6 +19,7 @@ from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
+    BristleEffect,
     DriveEffect,
     Effect,
     ForceEffect,
@@ -31,6 +33,7 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.forces import bend_key
 from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.place import EffectParameter, Place, Plausible
@@ -56,6 +59,7 @@ __all__ = [
     "TO",
     "ActuatorEffect",
     "Axis",
+    "BristleEffect",
     "Brought",
     "Chain",
     "Check",
@@ -83,6 +87,8 @@ __all__ = [
     "VehicleEffect",
     "again",
     "base_name",
+    "bend_key",
+    "bent",
     "bring",
     "brought_of",
     "changed",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -20,7 +20,7 @@ from gpsim.effects.effect import (
     Values,
     VehicleEffect,
 )
-from gpsim.effects.forces import Forces, Instant
+from gpsim.effects.forces import Forces, Instant, bend_key
 from gpsim.effects.own import base_name
 from gpsim.effects.place import longest_delay
 from gpsim.effects.sensors import Sensors
@@ -201,8 +201,39 @@ class Chain:
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        bends: Memory | None = None,
     ) -> FloatArray:
-        """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
+        """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates.
+
+        bends: how far bristles are bent, which moves on; none are where nobody says it.
+        """
+        if not self.bristles:
+            return self._advanced(state, action, values, step, t, extra, {})
+        kept = self.unbent(len(state)) if bends is None else bends
+        known = {i: kept[bend_key(i)] for i, _ in self.bristles}
+        after = self._advanced(state, action, values, step, t, extra, known)
+        self._forces.bent(state, after, step, values, kept)
+        return after
+
+    @property
+    def bristles(self) -> list[tuple[int, int]]:
+        """Index of the term and the coordinate of friction with bristles."""
+        return self._forces.bristles
+
+    def unbent(self, count: int) -> Memory:
+        """Bristles that are not bent, of a batch."""
+        return {bend_key(i): np.zeros(count) for i, _ in self.bristles}
+
+    def _advanced(
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None,
+        bends: Mapping[int, FloatArray],
+    ) -> FloatArray:
         if self.closed is not None:
             return self.rolled(self.closed, state, action[:, None], values, step, t, extra)[:, -1]
         shares = self._shares(state, action, values, step, t)
@@ -210,7 +241,8 @@ class Chain:
         begun = (state, step) if self.scheme == "fine" else None
 
         def found(at: FloatArray) -> FloatArray:
-            return _sum(self._rates(at, action, parameters, values, shares, begun), extra)
+            instant = Instant(at, action, parameters, shares, begun, (state, step), bends)
+            return _sum(self._rates(instant, values), extra)
 
         rates = self._held(found, state)
         if self.scheme != "fine":
@@ -335,18 +367,14 @@ class Chain:
 
     def _rates(
         self,
-        state: FloatArray,
-        action: FloatArray,
-        parameters: Mapping[str, float | FloatArray],
+        at: Instant,
         values: Sequence[Values],
-        shares: Mapping[int, FloatArray],
-        substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
-        """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
-        if self._drives:
-            action = self._delivered(state, action, values)
+        """Rates with every force."""
+        state, parameters, shares = at.state, at.parameters, at.shares
+        action = self._delivered(state, at.action, values) if self._drives else at.action
         if self._forces:
-            rates = self._forces.rates(Instant(state, action, parameters, shares, substep), values)
+            rates = self._forces.rates(replace(at, action=action), values)
         else:
             rates = self.simulator.rates(state, action, parameters)
         if self._vehicle_terms:

@@ -134,6 +134,21 @@ class ForceEffect(Effect):
         return False
 
 
+class BristleEffect(ForceEffect):
+    """Friction with one hidden number a row, how far bristles are bent (see `gpsim.effects.bristles`).
+
+    The stretch before a simulation begins says how far: where a body stood still they are not bent.
+    """
+
+    function_of: ClassVar[FunctionOf] = "nothing"
+    gated: ClassVar[bool] = False
+
+    @property
+    def dry(self) -> bool:
+        """It can hold a body, which creeps."""
+        return True
+
+
 class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator. A `law` is of (command), and has no memory."""
 

@@ -9,9 +9,15 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ForceEffect, Values
+from gpsim.effects import bristles
+from gpsim.effects.effect import BristleEffect, ForceEffect, Values
 from gpsim.effects.term import Term
-from gpsim.simulators import Simulator
+from gpsim.simulators import Memory, Simulator
+
+
+def bend_key(term: int) -> str:
+    """Under what a memory holds how far a term's bristles are bent."""
+    return f"{term}/bend"
 
 
 @dataclass(frozen=True)
@@ -20,6 +26,7 @@ class Instant:
 
     shares: (B,) how much of a term behind a gate acts, by its index. substep: (state at its start (B, S), step (B,)),
     with which dry friction sticks; None where the base simulator's own step is taken and friction is -m sgn(v).
+    begun: the same, whatever the step; bends: (B,) how far bristles are bent at its start, by their term's index.
     """
 
     state: FloatArray
@@ -27,6 +34,8 @@ class Instant:
     parameters: Mapping[str, float | FloatArray]
     shares: Mapping[int, FloatArray]
     substep: tuple[FloatArray, FloatArray] | None
+    begun: tuple[FloatArray, FloatArray]
+    bends: Mapping[int, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,11 @@ class Forces:
         """(B, R) rates under all force terms."""
         smooth, dry = self._applied(at, values)
         rates = self.simulator.rates(at.state, at.action, at.parameters, smooth)
+        for i, coordinate in self.bristles:
+            mobility = self._mobility(at, coordinate, smooth, rates)
+            force = self._bristles(i, coordinate, at, rates, mobility, values)
+            rates = rates + mobility * force[:, None]
+            smooth[:, coordinate] += force
         for coordinate in dry:
             mobility = self._mobility(at, coordinate, smooth, rates)
             friction = self._dry_friction(coordinate, at, rates, mobility, values)
@@ -79,11 +93,44 @@ class Forces:
             for c in self.simulator.coordinates
         ]
 
+    @cached_property
+    def bristles(self) -> list[tuple[int, int]]:
+        """Index of the term and the coordinate of friction with bristles."""
+        return [(i, on) for i, effect, on in self._effects if isinstance(effect, BristleEffect)]
+
+    def bent(
+        self, before: FloatArray, after: FloatArray, step: FloatArray, values: Sequence[Values], bends: Memory
+    ) -> None:
+        """Bend the bristles on from one state (B, S) to the one a substep (B,) s later; not back in time."""
+        for i, coordinate in self.bristles:
+            _, velocity, _ = self._columns[coordinate]
+            speed = 0.5 * (before[:, velocity] + after[:, velocity])
+            bend = bends[bend_key(i)]
+            end, _ = bristles.bent(bend, speed * step, speed, values[i])
+            bend[:] = np.where(step < 0.0, bend, end)
+
+    def _bristles(
+        self,
+        term: int,
+        coordinate: int,
+        at: Instant,
+        rates: FloatArray,
+        mobility: FloatArray,
+        values: Sequence[Values],
+    ) -> FloatArray:
+        """(B,) their mean force over the substep."""
+        _, velocity, rate = self._columns[coordinate]
+        state, step = at.begun
+        own, reacts = rates[:, rate], mobility[:, rate]
+        return bristles.mean_force(at.bends[term], state[:, velocity], own, reacts, step, values[term])
+
     def _applied(self, at: Instant, values: Sequence[Values]) -> tuple[FloatArray, list[int]]:
         """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
         smooth = np.zeros((len(at.state), len(self._columns)))
         dry: list[int] = []
         for i, effect, coordinate in self._effects:
+            if isinstance(effect, BristleEffect):
+                continue
             position, velocity, _ = self._columns[coordinate]
             force = effect.force(at.state[:, position], at.state[:, velocity], values[i])
             if force is not None:

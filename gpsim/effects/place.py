@@ -69,7 +69,8 @@ class Place:
     channel went; turned: whether something pushed a coordinate back at either end of that; stands: whether a channel's
     readings stand at either end; trails: whether a channel trails the position or the speed that it goes with; silent:
     the least reading of a channel that has zeros and nothing between; ripples:
-    (period, phase) of what a scan over a coordinate's positions found. speed: the typical speed of a coordinate, or of
+    (period, phase) of what a scan over a coordinate's positions found; yields: (force, way) of friction that a scan
+    found to grow over a way after each reversal, where it did. speed: the typical speed of a coordinate, or of
     the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
     parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
     centre: of a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be
@@ -94,6 +95,7 @@ class Place:
     turned: tuple[bool, bool] = (True, True)
     stands: tuple[bool, bool] = (True, True)
     trails: bool = True
+    yields: tuple[float, float] | tuple[()] = ()
     silent: float = 0.0
     ripples: tuple[tuple[float, float], ...] = ()
 

@@ -28,6 +28,7 @@ COULOMB: Final = 10
 COEFFICIENT: Final = 11
 STRIBECK: Final = 12
 GRIP_CURVE: Final = 13
+BRISTLES: Final = 14
 RATIO: Final = 20
 DIFFERENCE: Final = 21
 RADIUS: Final = 30

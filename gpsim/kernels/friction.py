@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.bristles import yield_on
 from gpsim.kernels.codes import (
+    BRISTLES,
     CARTPOLE,
     COEFFICIENT,
     DRY,
@@ -154,9 +156,13 @@ def rub_all(
     v: FloatArray,
     shares: FloatArray,
 ) -> None:
-    """Dry friction on one coordinate, then on the other; the terms of each lie together."""
+    """Dry friction on one coordinate, then on the other; the terms of each lie together, those with bristles first."""
     first = layout[DRY]
     while first < layout[PARAMETERS]:
+        if terms[first, LAW] == BRISTLES:
+            yield_on(b, lanes, layout, terms, first, v)
+            first += 1
+            continue
         last = first + 1
         while last < layout[PARAMETERS] and terms[last, ON] == terms[first, ON]:
             last += 1

@@ -59,4 +59,6 @@ BEGAN: Final = 51 * LANES
 PUSH: Final = 52 * LANES
 # The commands as they reached the drives.
 REACHED: Final = 53 * LANES
-SIZE: Final = 55 * LANES
+# How far the bristles of each coordinate are bent.
+BENT: Final = 55 * LANES
+SIZE: Final = 57 * LANES

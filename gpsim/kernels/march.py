@@ -16,7 +16,7 @@ from gpsim.kernels.codes import (
     WIDTH,
 )
 from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
-from gpsim.kernels.lanes import AHEAD, BEGAN, LANES, PUSH, SIZE, TOGETHER, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, PUSH, SIZE, TOGETHER, U1, H, T, U, X
 from gpsim.kernels.scalars import place, tamed
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
@@ -101,10 +101,19 @@ def acted(
 
 @compiled
 def start(
-    b: FloatArray, lanes: int, kept: IntArray, rest: FloatArray, starts: FloatArray, begin: int, last: int
+    b: FloatArray,
+    lanes: int,
+    kept: IntArray,
+    rest: FloatArray,
+    starts: FloatArray,
+    bends: FloatArray,
+    begin: int,
+    last: int,
 ) -> None:
-    """Fill X with where the rows from `begin` on start; what is left out stands where it rests."""
+    """Fill X with where the rows from `begin` on start; what is left out stands where it rests; bristles are bent."""
     for i in range(lanes):
+        for x in range(bends.shape[1]):
+            b[BENT + x * LANES + i] = bends[min(begin + i, last - 1), x]
         for x in range(4):
             b[X + x * LANES + i] = rest[x]
         for x in range(len(kept)):
@@ -131,7 +140,7 @@ TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 @entry(
     f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {I1},"
-    f" float64, {F3}, {F3}, int64, int64, int64)"
+    f" float64, {F2}, {F3}, {F3}, int64, int64, int64)"
 )
 def march(
     layout: IntArray,
@@ -156,6 +165,7 @@ def march(
     memories: FloatArray,
     when: IntArray,
     push: float,
+    bends: FloatArray,
     out: FloatArray,
     passed: FloatArray,
     depth: int,
@@ -172,6 +182,7 @@ def march(
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
     when: (B,) the transition in which a `push` is added to the rate that the layout names, if it does.
+    bends: (B, C) how far the bristles of coordinates are bent as the windows begin, (B, 0) where there are none.
     """
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
     b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))
@@ -191,12 +202,12 @@ def march(
                 memory[i, x] = memories[which[row], x]
         believe(b, lanes, believed)
         correct(b, lanes, layout, terms, v, shares)
-        start(b, lanes, kept, rest, starts, begin, last)
+        start(b, lanes, kept, rest, starts, bends, begin, last)
         write(b, lanes, kept, out, begin, count, 0)
         # Backwards from where the windows begin, then back to there and on.
         for m in range(min(1 - depth, 0), (clock.shape[1] - 1) * n):
             if m == 0:
-                start(b, lanes, kept, rest, starts, begin, last)
+                start(b, lanes, kept, rest, starts, bends, begin, last)
                 if depth > 0:
                     write(b, lanes, kept, passed, begin, count, depth - 1)
             back = m if m >= 0 else -(m + depth)

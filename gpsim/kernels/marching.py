@@ -144,11 +144,13 @@ def marched(
     threads: int = 1,
     past: Past | None = None,
     pushed: Pushed | None = None,
+    bends: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """(B, L + 1, S) states at the transitions' ends; (B, D + L n, S) at the substeps' ends where the `past` matters.
 
     The first D of these are the past, the last of which is the start. n: substeps of a transition; starts: (B, S);
-    values: `program.values`; clock: (W, L + 1) s, of each row's `window` (B,).
+    values: `program.values`; clock: (W, L + 1) s, of each row's `window` (B,); bends: (B, C) how far the bristles of
+    coordinates are bent at the start.
     """
     from gpsim.kernels.march import march
 
@@ -165,7 +167,8 @@ def marched(
     given = np.empty((0, 0, 0)) if commands.given is None else _own(commands.given)
     layout[codes.PUSHED] = 0 if pushed is None else 1 + pushed.rate
     pushes = (np.empty(0, np.int64), 0.0) if pushed is None else (pushed.when, pushed.push)
-    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, *pushes)
+    bent = np.empty((rows, 0)) if bends is None else _own(bends)
+    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, *pushes, bent)
     _shared(march, (*arguments, out, passed, past.depth), rows, rows * length * n, threads)
     return out, passed
 

@@ -18,6 +18,7 @@ from gpsim.effects import (
     IN_EPISODE,
     TO,
     ActuatorEffect,
+    BristleEffect,
     Chain,
     Curve,
     DriveEffect,
@@ -30,11 +31,12 @@ from gpsim.effects import (
     Term,
     Values,
     VehicleEffect,
+    bend_key,
 )
 from gpsim.kernels import codes, tables
 from gpsim.kernels.lanes import LANES
 from gpsim.kernels.tables import Hat, Law
-from gpsim.simulators import Whole, unwrapped, whole
+from gpsim.simulators import Memory, Whole, unwrapped, whole
 
 SCHEMES = {
     "fine": codes.FINE,
@@ -52,7 +54,8 @@ value's name that multiplies it, empty where none does."""
 class Program:
     """The tables of a chain, as `gpsim.kernels.codes` explains their columns, and where a row's values come from.
 
-    actuators: None where what they do has no compiled form; ways: their terms, in the order of the table.
+    actuators: None where what they do has no compiled form; ways: their terms, in the order of the table. bristles:
+    terms with such, and their coordinates as compiled code counts them.
     """
 
     layout: IntArray
@@ -66,6 +69,14 @@ class Program:
     columns: tuple[Column, ...]
     actuators: IntArray | None
     ways: tuple[int, ...]
+    bristles: tuple[tuple[int, int], ...]
+
+    def bends(self, memory: Memory, rows: int) -> FloatArray:
+        """(B, C) how far bristles are bent, of each coordinate; no columns where there are none."""
+        out = np.zeros((rows, 2 if self.bristles else 0))
+        for term, coordinate in self.bristles:
+            out[:, coordinate] = memory[bend_key(term)]
+        return out
 
     def values(self, given: Sequence[Values], rows: int) -> FloatArray:
         """(B, V) the numbers of every row from one mapping a term of (B,) arrays."""
@@ -129,6 +140,7 @@ class _Writer:
             tuple(self.columns),
             actuators,
             ways,
+            tuple((i, self._place(chain.terms[i])) for i, _ in chain.bristles),
         )
 
     def _acting(self) -> tuple[tuple[int, ...], IntArray | None]:
@@ -160,7 +172,10 @@ class _Writer:
         parts = [
             [i for i, t in enumerate(of) if isinstance(t.effect, DriveEffect)],
             [i for i in forces if i not in dry],
-            sorted(dry, key=lambda i: coordinates.index(of[i].on)),  # those of a coordinate together
+            # Those of a coordinate together, bristles first.
+            sorted(
+                dry, key=lambda i: (coordinates.index(of[i].on), not isinstance(of[i].effect, BristleEffect))
+            ),
             [i for i, t in enumerate(of) if isinstance(t.effect, ParameterEffect)],
             sorted(
                 (i for i, t in enumerate(of) if isinstance(t.effect, VehicleEffect)),

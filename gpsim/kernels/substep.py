@@ -6,6 +6,7 @@ Shares of terms without a gate are one.
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.bristles import bend_on
 from gpsim.kernels.catalogue import given_of
 from gpsim.kernels.codes import (
     ACKERMANN,
@@ -231,6 +232,7 @@ def advance(
                 for i in range(lanes):
                     at = q * LANES + i
                     b[Y + at] = b[X + at] + b[H + i] * b[Y + LANES + at]
+    bend_on(b, lanes, layout, terms, v)
     for i in range(4 * LANES):
         b[X + i] = b[Y + i]
 

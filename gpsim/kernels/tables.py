@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, ForceEffect, VehicleEffect
+from gpsim.effects import CATALOGUE, ActuatorEffect, BristleEffect, DriveEffect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, ServoJoint, Simulator, Slider, Unicycle
 
@@ -53,6 +53,7 @@ FORCES: Mapping[str, Law] = {
 }
 DRY: Mapping[str, Law] = {
     **OWN_DRY,
+    **{f: (codes.BRISTLES, tuple(e.takes)) for f, e in CATALOGUE.items() if isinstance(e, BristleEffect)},
     "coulomb_friction": (codes.COULOMB, ("force",)),
     "local_friction_patch": (codes.COULOMB, ("force",)),
     "stribeck_friction": (codes.STRIBECK, ("force", "static_force", "stribeck_velocity")),

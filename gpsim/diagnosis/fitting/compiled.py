@@ -13,6 +13,7 @@ from gpsim.diagnosis.fitting.actuation import Setting, Spread, commands, values_
 from gpsim.diagnosis.fitting.rollout import Pushes, tamed
 from gpsim.effects import Chain, Values
 from gpsim.kernels import Past, Program, Pushed, marched, read_late
+from gpsim.simulators import Memory
 
 
 def simulated(
@@ -24,9 +25,13 @@ def simulated(
     thetas: FloatArray,
     setting: Setting,
     threads: int,
+    bends: Memory,
     pushes: Pushes | None = None,
 ) -> FloatArray | None:
-    """(C, W, L + 1, S): what the sensors would say, from starts (C, W, S); None where compiled code cannot."""
+    """(C, W, L + 1, S): what the sensors would say, from starts (C, W, S); None where compiled code cannot.
+
+    bends: of all rows, how far bristles are bent as their windows begin.
+    """
     copies, count = starts.shape[:2]
     rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
     with np.errstate(all="ignore"):
@@ -37,8 +42,9 @@ def simulated(
         begun, numbers = starts.reshape(copies * count, -1), program.values(values, len(rows))
         pushed = None if pushes is None else Pushed(pushes.when, pushes.rate, pushes.push)
         states, passed = marched(
-            program, setting.n, begun, numbers, windows.t, rows, known, threads, past, pushed
-        )
+            program, setting.n, begun, numbers, windows.t, rows, known, threads, past, pushed,
+            program.bends(bends, len(rows)),
+        )  # fmt: skip
         if chain.sensors:
             states = tamed(_read(chain, windows, rows, values, setting, states, passed, past))
     return states.reshape(copies, count, windows.length + 1, -1)

@@ -9,12 +9,14 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
+from gpsim.diagnosis.fitting.bent import bends_of
 from gpsim.diagnosis.fitting.compiled import simulated
 from gpsim.diagnosis.fitting.rollout import FAR, Extra, Pushes, roll, tamed
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values
 from gpsim.kernels import Program, can_compile, program_of
+from gpsim.simulators import Memory
 
 LEAST_ROWS_OF_A_PART = 150  # rows that a part of a batch has: the overhead of its substeps is not split
 WORTH_SENDING = 5e4
@@ -41,18 +43,20 @@ def simulate(
     if not len(windows):
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = tamed(starts)  # a step may have sent one anywhere
+    bends = _bends(chain, windows, starts, spread, thetas)
     setting, windows = _set(chain, windows, spread, thetas, n)
     _count(run, chain, windows, len(thetas), setting)
     known = extra is None or isinstance(extra, Pushes)
     program = _program(run.settings.sharing, chain) if known else None
     if program is not None:
         pushes = extra if isinstance(extra, Pushes) else None
-        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count, pushes)
+        cores = run.workers.count
+        said = simulated(program, chain, windows, starts, spread, thetas, setting, cores, bends, pushes)
         if said is not None:
             return said
     parts = _parts(run.workers.count, len(thetas), len(windows), windows.length * n)
-    if parts < 2 or not setting.even or extra is not None:
-        return _simulated(chain, windows, starts, spread, thetas, setting, extra)
+    if parts < 2 or not setting.even or extra is not None or bends:
+        return _simulated(chain, windows, starts, spread, thetas, setting, extra, bends)
     rows = np.array_split(np.arange(len(windows)), parts)
     calls = [(chain, windows.take(r), starts[:, r], spread, thetas, setting) for r in rows]
     return np.concatenate(run.workers.at_once(_simulated, calls), axis=1)
@@ -66,6 +70,7 @@ def _simulated(
     thetas: FloatArray,
     setting: Setting,
     extra: Extra | None = None,
+    bends: Memory | None = None,
 ) -> FloatArray:
     copies, count = starts.shape[:2]
     rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
@@ -75,9 +80,22 @@ def _simulated(
             if chain.actuates
             else as_recorded(windows, rows)
         )
-        run = _run if chain.closed is None else roll
-        out = run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
+        begun = starts.reshape(copies * count, -1)
+        if chain.closed is not None:
+            out = roll(chain, windows, rows, begun, values, setting, drive, extra)
+        else:
+            out = _run(chain, windows, rows, begun, values, setting, drive, extra, bends or {})
     return out.reshape(copies, count, windows.length + 1, -1)
+
+
+def _bends(chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray) -> Memory:
+    """How far bristles are bent as the windows begin, of all copies."""
+    if not chain.bristles:
+        return {}
+    copies, count = starts.shape[:2]
+    rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
+    with np.errstate(all="ignore"):
+        return bends_of(chain, windows, rows, starts.reshape(copies * count, -1), values)
 
 
 def _program(settings: SharingSettings, chain: Chain) -> Program | None:
@@ -148,6 +166,7 @@ def _run(
     setting: Setting,
     drive: Drive,
     extra: Extra | None,
+    bends: Memory,
 ) -> FloatArray:
     n = setting.n
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
@@ -156,7 +175,7 @@ def _run(
     watching = chain.sensors.remember
     seen = {}
     if watching:
-        history, steps = _history(chain, windows, rows, starts, values, setting, drive)
+        history, steps = _history(chain, windows, rows, starts, values, setting, drive, bends)
         seen = chain.sensors.begin(history, values, step, steps)
     out[:, 0] = chain.sensors.measure(state, values, seen, step)
     for k in range(windows.length):
@@ -164,7 +183,7 @@ def _run(
         step = (clock[k + 1] - t) / n
         added = extra(state, windows.actions[rows, k], k) if extra is not None else None
         for j in range(n):
-            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
+            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added, bends)
             if watching:
                 chain.sensors.watch(state, values, seen, step)
         state = tamed(state)
@@ -180,6 +199,7 @@ def _history(
     values: Sequence[Values],
     setting: Setting,
     drive: Drive,
+    bends: Memory,
 ) -> tuple[FloatArray, FloatArray | None]:
     """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
 
@@ -196,7 +216,7 @@ def _history(
         if not regular:
             step = lengths[rows, k]
             end = windows.before_t[rows, k] - (n - 1 - j) * step
-        state = chain.advance(state, drive(k, j, state), values, -step, end)
+        state = chain.advance(state, drive(k, j, state), values, -step, end, None, bends)
         state = np.where(still, starts, tamed(state))
         past.append(state)
         steps.append(step)

@@ -1,4 +1,4 @@
-"""What a channel's readings show by themselves: where they stand at an end, which small ones are missing, what trails."""
+"""What readings show by themselves: where they stand at an end, which small ones are missing, which channel trails."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.readings import stands, trails, unread
+from gpsim.diagnosis.setup.yielding import yields
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -66,6 +67,7 @@ class Sizes:
         self._resists: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
         self._turned: dict[str, tuple[bool, bool]] = {}
+        self._yields = {c.name: yields(recording, simulator, parameters, c) for c in simulator.coordinates}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
         self._driven = simulator.driven()
         for i, coordinate in enumerate(simulator.coordinates):
@@ -111,6 +113,7 @@ class Sizes:
                 visited=self._visited[on],
                 turned=self._turned[on],
                 ripples=self._ripples[on],
+                yields=self._yields[on],
             )
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]

@@ -26,6 +26,8 @@ ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
 }
 LAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("sensor")
 """What sensors do at last, to noise, too: laws of (values, reading)."""
+BRISTLES: Mapping[str, Callable[..., Any]] = words.at_site("bristles")
+"""Friction with bristles: laws of (values, speed, bend, inertia)."""
 PAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("past")
 """What sensors that remember read of all that was: laws of (values, past, step)."""
 DECK = tuple(sorted(strengths.STRENGTHS))
@@ -34,6 +36,7 @@ STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, 
 
 __all__ = [
     "ACTUATORS",
+    "BRISTLES",
     "DECK",
     "GRIP",
     "LAST_SENSORS",

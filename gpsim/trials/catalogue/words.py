@@ -25,13 +25,14 @@ Draw = Callable[[Scales, str, Dial], dict[str, float]]
 class Word:
     """One family.
 
-    law: of a force (k, q, v); of a grip (k, v, load); of an actuator (k, u, speed of what it drives); of a twist
-    (k, v, lateral, w); of a sensor (k, y); of one that remembers, `past`, (k, all true values of its channel until now
-    (K, E), the time between two of them [s]). by_command: a grip's load is the command's size. needs_levels: only
-    commands of many values show it; needs_speeds: only where speeds are measured beside positions.
+    law: of a force (k, q, v); of a grip (k, v, load); of bristles (k, v, bend, inertia), the force and how fast they
+    bend; of an actuator (k, u, speed of what it drives); of a twist (k, v, lateral, w); of a sensor (k, y); of one that
+    remembers, `past`, (k, all true values of its channel until now (K, E), the time between two of them [s]).
+    by_command: a grip's load is the command's size. needs_levels: only commands of many values show it; needs_speeds:
+    only where speeds are measured beside positions.
     """
 
-    site: Literal["smooth", "grip", "actuator", "twist", "sensor", "past"]
+    site: Literal["smooth", "grip", "bristles", "actuator", "twist", "sensor", "past"]
     law: Callable[..., Any]
     strength: Draw
     systems: Systems = MECHANICAL
@@ -121,13 +122,35 @@ def _range_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return {"low": rounded(low), "high": rounded(high)}
 
 
+def bristles(
+    k: Values, v: FloatArray, bend: FloatArray, inertia: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(B,) force and rate of bend of friction with bristles, damped by sqrt(stiffness inertia)."""
+    rest = k.get("static_force", k["force"])
+    level = k["force"] + (rest - k["force"]) * np.exp(-np.square(v / k.get("stribeck_velocity", 1.0)))
+    rate = v - np.abs(v) * bend * k["stiffness"] / level
+    return -k["stiffness"] * bend - np.sqrt(k["stiffness"] * inertia) * rate, rate
+
+
+def _bristles_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    """They bend by a twentieth of the way or less; in half of the worlds they grip more at rest."""
+    force, way = d.size(0.15, 0.6) * s.force(on), d.any(0.015, 0.06) * s.reach(on)
+    out = {"force": rounded(force), "stiffness": rounded(force / way)}
+    if d.rng.random() < 0.5:
+        rest, slow = rounded(force * d.any(1.4, 2.2)), rounded(d.any(0.1, 0.3) * s.speed(on))
+        out |= {"static_force": rest, "stribeck_velocity": slow}
+    return out
+
+
 def _filtered(k: Values, past: FloatArray, h: float) -> FloatArray:
     """An exponentially weighted mean of all that was, each value held for h; the first one for ever before."""
     back = past[::-1][: 1 + int(np.ceil(25.0 * k["time_constant"] / h))]
     kept = np.exp(-h / k["time_constant"])
     weights = (1.0 - kept) * kept ** np.arange(len(back))
     weights[-1] += kept ** len(back)
-    middle = np.concatenate([(back[:-1] + back[1:]) / 2, back[-1:]])  # what was held is what was in the middle
+    middle = np.concatenate(
+        [(back[:-1] + back[1:]) / 2, back[-1:]]
+    )  # what was held is what was in the middle
     return np.asarray(np.tensordot(weights, middle, axes=1))
 
 
@@ -182,6 +205,7 @@ WORDS: Mapping[str, Word] = {
         lambda k, y: y * (np.abs(y) >= k["width"]),
         lambda s, on, d: {"width": rounded(d.size(0.15, 0.6) * float(np.std(s.column(on))))},
     ),
+    "lugre_friction": Word("bristles", bristles, _bristles_strength),
     "sensor_lag": Word(
         "past",
         _filtered,

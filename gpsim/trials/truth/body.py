@@ -68,7 +68,10 @@ STILL = 1e-12  # below this a velocity is rounding
 
 
 class Body:
-    """Steps a batch of a mechanical system with its effects. Hidden states live in `hidden`, (B, 2) an effect."""
+    """Steps a batch of a mechanical system with its effects. Hidden states live in `hidden`, (B, 2) an effect.
+
+    Those of kinds outside the catalogue come first, then those of its bristles.
+    """
 
     def __init__(self, system: str, parameters: Mapping[str, float], effects: Sequence[TrueEffect]) -> None:
         self._system, self._parameters = SYSTEMS[system], dict(parameters)
@@ -81,6 +84,7 @@ class Body:
             (INERTIAS[e.family](e.values), index[e.on]) for e in effects if e.family in INERTIAS
         ]
         self._hidden = [(HIDDEN[e.family](e.values), index[e.on]) for e in effects if e.family in HIDDEN]
+        self._bristles = [(e, index[e.on]) for e in effects if e.family in catalogue.BRISTLES]
         self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
         self._dry_columns = sorted({c for _, c in self._dry})
         self._loaded = any("coefficient" in e.values for e, _ in self._dry)
@@ -88,6 +92,7 @@ class Body:
     def begin(self, s: FloatArray) -> FloatArray:
         """(B, 2 H) hidden states at the start."""
         parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
+        parts += [np.zeros((len(s), 2)) for _ in self._bristles]
         return np.hstack(parts) if parts else np.empty((len(s), 0))
 
     def step(
@@ -164,6 +169,11 @@ class Body:
                 inverse = with_inertia(inverse, c, more)
             force[:, c] += hidden.force(s[:, 2 * c], s[:, 2 * c + 1], part)
             drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
+        for effect, c in self._bristles:
+            law, bend = catalogue.BRISTLES[effect.family], z[:, 2 * len(drift)]
+            push, rate = law(effect.values, s[:, 2 * c + 1], bend, 1.0 / inverse[:, c, c])
+            force[:, c] += push
+            drift.append(np.stack([rate, np.zeros_like(rate)], axis=1))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
         if self._dry:
             acceleration = self._with_friction(acceleration, inverse, p, s, u, t, direction)

@@ -10,12 +10,14 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
-from gpsim.trials import outside
+from gpsim.trials import catalogue, outside
 from gpsim.trials.truth.running import ActuatorChain, body_of, sense
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
 
-HIDDEN_STATES = dict.fromkeys(outside.at_site(outside.HiddenForce), 2) | dict.fromkeys(
-    outside.at_site(outside.HiddenTwist), 1
+HIDDEN_STATES = (
+    dict.fromkeys(outside.at_site(outside.HiddenForce), 2)
+    | dict.fromkeys(outside.at_site(outside.HiddenTwist), 1)
+    | dict.fromkeys(catalogue.BRISTLES, 2)
 )
 """Kinds that remember in the body, and how many columns that takes."""
 
@@ -79,7 +81,8 @@ class Replay:
     @property
     def _hidden(self) -> list[int]:
         """The columns of the truth's hidden states that belong to the effects that are present."""
-        widths = [(e in self._effects, HIDDEN_STATES.get(e.family, 0)) for e in self._world.effects]
+        ordered = sorted(self._world.effects, key=lambda e: e.family in catalogue.BRISTLES)
+        widths = [(e in self._effects, HIDDEN_STATES.get(e.family, 0)) for e in ordered]
         owned = [there for there, width in widths for _ in range(width)]
         return [i for i, there in enumerate(owned) if there]
 
