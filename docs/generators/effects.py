@@ -45,7 +45,11 @@ TAIL = """\
 end of the way, or repeats along it. `torque_speed_limit` and `load_friction` are asked where a command is the force
 that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have the lowest or the
 highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing; `overflow` is for
-states that are neither a coordinate nor its velocity. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for
+states that are neither a coordinate nor its velocity. `sensor_lag` is asked where a speed and its position are both
+measured, of the one that trails the other: of readings that all trail alike it cannot be told from an actuator's lag.
+`lugre_friction` is asked where what the base simulator misses grows over a way after each reversal, and noise does not
+hide that way; its bristles are integrated exactly for an even speed, so that no stiffness asks for shorter steps. It is
+not asked of MuJoCo models. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for
 [MuJoCo models](../how-to/mujoco.md).
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a

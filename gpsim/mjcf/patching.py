@@ -19,7 +19,7 @@ from gpsim.mjcf.stepping import Plan
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
 GRIPS = ("coulomb_friction", "stribeck_friction", "local_friction_patch", "force_curve")
 """Laws of dry friction that the wrapper knows."""
-READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_curve", "joint_offset")
+READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_lag", "sensor_curve", "joint_offset")
 """Laws of sensors that the wrapper knows."""
 
 

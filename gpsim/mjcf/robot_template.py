@@ -65,6 +65,8 @@ class Robot:
         self._clock = self.age
         late = [s["values"]["delay"] for s in PATCH["sensors"] if s["family"] == "sensor_delay"]
         depth = math.ceil(max(late, default=0.0) / self._h) + 2
+        self._last = self._state()
+        self._behind = [0.0] * len(PATCH["sensors"])  # of those with a lag
         self._seen = [self._state()] * depth  # the newest last
 
     def step(self, ctrl: Any) -> None:
@@ -76,15 +78,17 @@ class Robot:
             self.data.ctrl[:] = arriving
             mujoco.mj_step(self.model, self.data)
             self._clock += self._h
-            self._seen = [*self._seen[1:], self._state()]
+            self._seen = [*self._seen[1:], self._followed()]
 
     def measured(self) -> tuple[np.ndarray, np.ndarray]:
         """(nq,), (nv,): what the sensors say."""
         said = {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}
-        for sensor in PATCH["sensors"]:
+        for i, sensor in enumerate(PATCH["sensors"]):
             (kind, place, _), values = PATCH["channels"][sensor["channel"]], sensor["values"]
             if sensor["family"] == "sensor_scale":
                 said[kind][place] *= values["scale"]
+            elif sensor["family"] == "sensor_lag":
+                said[kind][place] -= self._behind[i]
             elif sensor["family"] == "sensor_curve":
                 said[kind][place] += _curve(float(said[kind][place]), values)
             elif sensor["family"] == "sensor_delay":
@@ -93,6 +97,20 @@ class Robot:
             else:
                 said[kind][place] += values["offset"]
         return said["qpos"], said["qvel"]
+
+    def _followed(self) -> dict[str, np.ndarray]:
+        """The state as a late sensor sees it: behind one that follows with a lag."""
+        state = self._state()
+        seen = {kind: values.copy() for kind, values in state.items()}
+        for i, sensor in enumerate(PATCH["sensors"]):
+            if sensor["family"] == "sensor_lag":
+                (kind, place, _), ratio = PATCH["channels"][sensor["channel"]], self._h
+                ratio /= max(sensor["values"]["time_constant"], 1e-9)
+                moved = float(state[kind][place] - self._last[kind][place])
+                self._behind[i] = self._behind[i] * math.exp(-ratio) + moved * -math.expm1(-ratio) / ratio
+                seen[kind][place] -= self._behind[i]
+        self._last = state
+        return seen
 
     def _state(self) -> dict[str, np.ndarray]:
         return {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}

@@ -67,6 +67,10 @@ WRAPPED = {
     "sensor bias": [Term("sensor_bias", "elbow", {"offset": 0.01})],
     "sensor scale": [Term("sensor_scale", "elbow", {"scale": 1.02})],
     "sensor delay": [Term("sensor_delay", "elbow", {"delay": 0.0123})],
+    "sensor lag": [Term("sensor_lag", "elbow_dot", {"time_constant": 0.02})],
+    "sensor lag, late": [
+        Term("sensor_delay", "elbow", {"delay": 0.005}), Term("sensor_lag", "elbow", {"time_constant": 0.02}),
+    ],
     "force by speed": [Term("force_curve", "elbow", SLOPE, variant="speed")],
     "force by place": [Term("force_curve", "elbow", SLOPE, variant="position")],
     "measured friction": [Term("force_curve", "elbow", GRIP, variant="friction")],
