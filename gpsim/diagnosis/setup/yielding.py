@@ -1,6 +1,6 @@
 """Friction that yields: a scan over how far bristles may bend, by what the base simulator misses of the forces.
 
-Of each way d the bend of Dahl's bristles (1968) follows from the positions that were read: z' = (v - |v| z) / d,
+Of each way d the bend of Dahl's bristles (1968) follows from the speeds that were read: z' = (v - |v| z) / d,
 between -1 and 1. What is missed is held against it and its damping, beside what smooth laws of position, speed and
 command explain. The shortest way that noise lets through, and the sign of the speed, stand for friction that does not
 yield: a longer one has to do surely better. So nothing is told where a sensor or a clock cannot resolve it.
@@ -24,7 +24,7 @@ WAYS = 10  # that are tried
 LONGEST = 0.25  # of the whole way: a longer one is a spring
 SHORTEST = 1e-3  # of the whole way
 NOISES = 3.0  # standard deviations of a position's noise: what bends by less, nobody sees
-STRIDES = (1, 4, 12)  # transitions that are taken together: over longer stretches noise hides less
+STRETCH = 25  # transitions over which what was missed is summed, as long as a window
 BETTER = 12.0  # nats by which a way must beat none, and friction that does not yield: residuals are not white
 
 
@@ -47,17 +47,13 @@ def yields(
     missed, inertia = _missed(simulator, parameters, coordinate, before, after, now, dt)
     known = _smooth(before[:, at], before[:, speed], actions)
     rigid = np.sign(before[:, [speed]] + after[:, [speed]])
-    force = _sizes(missed, known, rigid)[0][0]
+    missed, known = _summed(missed * dt[:, None]), _summed(known * dt[:, None])
+    force = _sizes(missed, known, _summed(rigid * dt[:, None]))[0][0]
     if force <= 0.0:
         return ()
-    bends = np.concatenate([_bends(m, ways, np.diff(e.t)) for m, e in zip(moves, episodes, strict=True)])
+    bends = np.concatenate([_bends(e.states[:, speed], ways, np.diff(e.t)) for e in episodes])
     columns = bends[..., 0] + np.sqrt(inertia * ways / force) * bends[..., 1]
-    for several in STRIDES:
-        together = [_means(a, several) for a in (missed, known, np.hstack([rigid, columns]))]
-        found = _best(together, ways)
-        if found:
-            return found
-    return ()
+    return _best([missed, known, _summed(np.hstack([rigid, columns]) * dt[:, None])], ways)
 
 
 def _some(recording: Recording) -> list[Episode]:
@@ -80,8 +76,12 @@ def _ways(moves: Sequence[FloatArray], noise: float | None) -> FloatArray:
     return np.geomspace(first, last, WAYS) if 0.0 < 2.0 * first < last else np.empty(0)
 
 
-def _bends(moved: FloatArray, ways: FloatArray, dt: FloatArray) -> FloatArray:
-    """(N, D, 2) how far bristles are bent in the mean of each move (N,), 1 where they slide; how fast that grows."""
+def _bends(speed: FloatArray, ways: FloatArray, dt: FloatArray) -> FloatArray:
+    """(N, D, 2) how far bristles are bent in the mean of each of N moves, 1 where they slide; how fast that grows.
+
+    Moves are by the speed (N + 1,), whose noise adds up to less than that of two positions.
+    """
+    moved = dt * (speed[:-1] + speed[1:]) / 2
     far = np.maximum(np.abs(moved)[:, None] / ways, 1e-9)
     kept, mean, sign = np.exp(-far), -np.expm1(-far) / far, np.sign(moved)[:, None]
     bend, out = np.zeros(len(ways)), np.empty((len(moved), len(ways), 2))
@@ -121,10 +121,11 @@ def _smooth(q: FloatArray, speed: FloatArray, commands: FloatArray) -> FloatArra
     )
 
 
-def _means(rows: FloatArray, several: int) -> FloatArray:
-    """(N // several, K) means of several rows at a time."""
-    count = len(rows) // several
-    return np.asarray(rows[: count * several].reshape(count, several, -1).mean(axis=1))
+def _summed(rows: FloatArray) -> FloatArray:
+    """(N, K) sums since each stretch began, less their mean: of what a noisy speed misses, noise that is white."""
+    count = len(rows) // STRETCH
+    sums = np.cumsum(rows[: count * STRETCH].reshape(count, STRETCH, -1), axis=1)
+    return np.asarray((sums - sums.mean(axis=1, keepdims=True)).reshape(count * STRETCH, -1))
 
 
 def _sizes(
