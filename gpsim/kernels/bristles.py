@@ -55,7 +55,7 @@ def mean_force(
     bend: float, speed: float, own: float, reacts: float, step: float, v: FloatArray, n: int, i: int
 ) -> float:
     """The mean force over a substep; the values of row i begin at n."""
-    stiffness = v[n + 3, i]
+    stiffness: float = v[n + 3, i]
     if step < 0.0:
         return -stiffness * bend
     h = larger(step, 1e-9)

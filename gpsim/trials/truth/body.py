@@ -170,8 +170,8 @@ class Body:
             force[:, c] += hidden.force(s[:, 2 * c], s[:, 2 * c + 1], part)
             drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
         for effect, c in self._bristles:
-            law, bend = catalogue.BRISTLES[effect.family], z[:, 2 * len(drift)]
-            push, rate = law(effect.values, s[:, 2 * c + 1], bend, 1.0 / inverse[:, c, c])
+            rubs, bend = catalogue.BRISTLES[effect.family], z[:, 2 * len(drift)]
+            push, rate = rubs(effect.values, s[:, 2 * c + 1], bend, 1.0 / inverse[:, c, c])
             force[:, c] += push
             drift.append(np.stack([rate, np.zeros_like(rate)], axis=1))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
