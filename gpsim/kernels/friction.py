@@ -156,7 +156,7 @@ def rub_all(
     v: FloatArray,
     shares: FloatArray,
 ) -> None:
-    """Dry friction on one coordinate, then on the other; the terms of each lie together, those with bristles first."""
+    """Bristles, then other dry friction on one coordinate and on the other; the terms of each lie together."""
     first = layout[DRY]
     while first < layout[PARAMETERS]:
         if terms[first, LAW] == BRISTLES:

@@ -169,12 +169,15 @@ class _Writer:
         forces = [i for i, t in enumerate(of) if isinstance(t.effect, ForceEffect)]
         dry = [i for i in forces if _is_dry(of[i].effect)]
         coordinates = list(dict.fromkeys(of[i].on for i in dry))
+        bristled = [of[i].on for i in dry if isinstance(of[i].effect, BristleEffect)]
+        if len(set(bristled)) < len(bristled):  # there is room for one bend a coordinate
+            raise _NotCompiled
         parts = [
             [i for i, t in enumerate(of) if isinstance(t.effect, DriveEffect)],
             [i for i in forces if i not in dry],
-            # Those of a coordinate together, bristles first.
+            # Bristles first, then those of a coordinate together.
             sorted(
-                dry, key=lambda i: (coordinates.index(of[i].on), not isinstance(of[i].effect, BristleEffect))
+                dry, key=lambda i: (not isinstance(of[i].effect, BristleEffect), coordinates.index(of[i].on))
             ),
             [i for i, t in enumerate(of) if isinstance(t.effect, ParameterEffect)],
             sorted(

@@ -28,7 +28,7 @@ def slid(k, pushes):
     damping = np.sqrt(k["stiffness"] * MASS)
 
     def slope(t, s, u):
-        q, v, z = s
+        _, v, z = s
         more = max(k.get("static_force", 0.0) - k["force"], 0.0)
         level = k["force"] + more * np.exp(-((v / k.get("stribeck_velocity", 1.0)) ** 2))
         rate = v - k["stiffness"] * abs(v) / level * z

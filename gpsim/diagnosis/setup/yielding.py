@@ -8,6 +8,7 @@ yield: a longer one has to do surely better. So nothing is told where a sensor o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -70,10 +71,18 @@ def _ways(moves: Sequence[FloatArray], noise: float | None) -> FloatArray:
     if not moves:
         return np.empty(0)
     whole = max(float(np.ptp(np.cumsum(moved))) for moved in moves)
-    third = np.concatenate([np.diff(moved, 2) for moved in moves])  # of noise: sqrt(20) times as large
-    usual = noise or float(np.median(np.abs(third))) * 1.48 / np.sqrt(20.0)
-    first, last = max(SHORTEST * whole, NOISES * usual), LONGEST * whole
+    first, last = max(SHORTEST * whole, NOISES * (noise or _noise(moves))), LONGEST * whole
     return np.geomspace(first, last, WAYS) if 0.0 < 2.0 * first < last else np.empty(0)
+
+
+def _noise(moves: Sequence[FloatArray]) -> float:
+    """Of positions, by their differences of high orders: on a slow clock those of low ones are still motion."""
+    found = []
+    for order in (3, 5, 7):
+        apart = np.concatenate([np.diff(moved, order - 1) for moved in moves])
+        if len(apart):
+            found.append(1.48 * float(np.median(np.abs(apart))) / np.sqrt(math.comb(2 * order, order)))
+    return min(found, default=np.inf)
 
 
 def _bends(speed: FloatArray, ways: FloatArray, dt: FloatArray) -> FloatArray:
@@ -109,7 +118,8 @@ def _missed(
     rates = simulator.rates(before, actions, parameters)[:, column]
     easily = simulator.rates(before, actions, parameters, push)[:, column] - rates
     easily = np.where(np.abs(easily) > 0, easily, np.inf)
-    found = simulator.measured_rates(before, after, dt)[:, column] - rates
+    mean = (rates + simulator.rates(after, actions, parameters)[:, column]) / 2  # on a slow clock it changes
+    found = simulator.measured_rates(before, after, dt)[:, column] - mean
     return np.nan_to_num(found / easily)[:, None], 1.0 / float(np.median(np.abs(easily)))
 
 
