@@ -14,6 +14,7 @@ from gpsim.diagnosis.setup.readings import trails
 from gpsim.effects import Chain, Term
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator
+from gpsim.trials import catalogue
 
 SLIDER, TURN, T = make_simulator("slider"), 3.0, 0.05
 
@@ -43,6 +44,13 @@ def test_a_wave_arrives_smaller_and_later(delay, uneven):
     size, phase = 1.0 / np.hypot(1.0, TURN * T), np.arctan(TURN * T)
     assert said[0] == pytest.approx(size * np.sin(TURN * (t - delay) - phase), abs=3e-5)
     assert said[1] == TURN * np.cos(TURN * t)
+
+
+def test_the_truth_is_the_same_law():
+    t = 0.001 * np.arange(2001)
+    said = catalogue.PAST_SENSORS["sensor_lag"]({"time_constant": T}, np.sin(TURN * t)[:, None], 0.001)
+    size, phase = 1.0 / np.hypot(1.0, TURN * T), np.arctan(TURN * T)
+    assert said[0] == pytest.approx(size * np.sin(TURN * t[-1] - phase), abs=1e-5)
 
 
 def test_a_lag_of_nothing_reads_the_truth():

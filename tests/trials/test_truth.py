@@ -47,7 +47,8 @@ CASES = [
     (family, system, drawing.places_of(family, SYSTEMS[system], "measured")[-1])
     for family in sorted(catalogue.STRENGTHS)
     for system in drawing.systems_of(family)
-    if family not in ("sensor_delay", "torque_speed_limit")  # their history is not at hand here
+    # Their history is not at hand here.
+    if family not in ("sensor_delay", "sensor_lag", "lugre_friction", "torque_speed_limit")
 ]
 LENGTH = 25
 
