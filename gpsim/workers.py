@@ -15,6 +15,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
+from multiprocessing.reduction import ForkingPickler
 from typing import Any
 
 from gpsim.errors import CODE, Terminated, UsageError
@@ -123,13 +124,18 @@ class WorkerPool(ProcessPoolExecutor):
     """Its workers leave when the parent ends them, though another job be at hand."""
 
     def submit(self, job: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """As the executor's own; the first starts the processes."""
+        """As the executor's own; the first starts the processes.
+
+        The job is packed here: the executor does so in a thread, while this one goes on and may change what is sent.
+        """
+        packed = bytes(ForkingPickler.dumps((job, args, kwargs)))
         with undisturbed():
-            return super().submit(_run, job, *args, **kwargs)
+            return super().submit(_run, packed)
 
 
-def _run(job: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+def _run(packed: bytes) -> Any:
     """The executor would take SystemExit for the job's result, begin the next job, or wait for one for ever."""
+    job, args, kwargs = ForkingPickler.loads(packed)
     try:
         return job(*args, **kwargs)
     except Terminated:

@@ -227,3 +227,16 @@ def test_every_trial_is_run_once_and_told():
     assert found == {-n: n for n in range(1, 6)}
     assert [(done, of) for done, of, _ in told] == [(n, 5) for n in range(1, 6)]
     assert {note for *_, note in told} == {f"trial {n}" for n in range(-5, 0)}
+
+
+def count_of(many, said):
+    return len(many), said["count"]
+
+
+def test_a_job_is_what_it_was_when_it_was_submitted():
+    """The executor packs jobs in a thread of its own: a dictionary that grew meanwhile ended a diagnosis."""
+    many, said = [0.5] * 2_000_000, {"count": 1}
+    with worker_pool(1, begin_worker, os.getpid()) as pool:
+        begun = pool.submit(count_of, many, said)
+        said["count"] = 2
+        assert begun.result() == (len(many), 1)
