@@ -30,7 +30,7 @@ def effect_of(kind, system, strength, place=0):
     """The kind on one of its places (the first), as strong as asked."""
     world = world_of(system)
     on = places_of(kind, SYSTEMS[system], "measured")[place]
-    values = KINDS[kind].strength(Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
+    values = KINDS[kind].drawn(Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
     return TrueEffect(kind, on, values, outside=True)
 
 

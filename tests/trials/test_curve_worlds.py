@@ -39,9 +39,7 @@ def law_by_hand(x):
 def made(kind, strength=0.8):
     system, on, _ = PLACES[kind]
     world = world_of(system)
-    values = CURVES[kind].strength(
-        Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength)
-    )
+    values = CURVES[kind].drawn(Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
     return world_of(system, [TrueEffect(kind, on, values, outside=True, strength="plain")])
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.trials.outside import actuators, actuators_with_memory
+from gpsim.trials.outside import actuators
 from gpsim.trials.truth.body import Body
 from gpsim.trials.truth.running import ActuatorChain
 from gpsim.trials.worlds import TrueEffect
@@ -46,7 +46,7 @@ def test_in_an_outage_the_last_command_goes_on(clock):
 
 def test_a_hot_motor_is_as_good_as_new_when_cold():
     k = {"loss": 0.4, "rated": 2.0, "time": 0.5}
-    motor, u = actuators_with_memory.HotMotor(k), np.array([2.0, -2.0, 0.5])
+    motor, u = actuators.HotMotor(k), np.array([2.0, -2.0, 0.5])
     out = np.array([motor.act(u, np.zeros((3, 2)), np.zeros(3), 1e-3) for _ in range(6000)])
     assert out[0].tolist() == u.tolist()
     np.testing.assert_allclose(out[500], u * (1 - 0.4 * (u / 2.0) ** 2 * (1 - np.exp(-1.0))), rtol=1e-6)
@@ -54,7 +54,7 @@ def test_a_hot_motor_is_as_good_as_new_when_cold():
 
 
 def test_a_sticky_valve_stays_within_its_band_and_then_jumps():
-    valve = actuators_with_memory.StickyValve({"band": 0.5})
+    valve = actuators.StickyValve({"band": 0.5})
     commands = [0.3, 0.5, 0.6, 0.2, 0.09, 0.5, -0.5, -0.4]
     none = np.zeros((2, 2))
     acted = [valve.act(np.array([u, -u]), none, none[:, 0], H)[0] for u in commands]
@@ -73,14 +73,14 @@ def test_a_supply_gives_so_much_power_and_brakes_in_full():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_chamber_fills_fast_and_vents_slowly(side):
-    out = side * acted(actuators_with_memory.PneumaticValve(VALVE), side * np.repeat([2.0, 0.5], [500, 500]))
+    out = side * acted(actuators.PneumaticValve(VALVE), side * np.repeat([2.0, 0.5], [500, 500]))
     middle = H * (np.arange(500) + 0.5)  # the mean of a step is what is in its middle, to (h / T)^2 / 24
     np.testing.assert_allclose(out[:500], 2.0 * (1 - np.exp(-middle / 0.02)), atol=3e-4)
     np.testing.assert_allclose(out[500:], 0.5 + 1.5 * np.exp(-middle / 0.3), atol=1e-5)
 
 
 def test_a_chamber_vents_to_nothing_and_fills_on_the_other_side():
-    out = acted(actuators_with_memory.PneumaticValve(VALVE), np.repeat([1.0, -1.0], [500, 500]))
+    out = acted(actuators.PneumaticValve(VALVE), np.repeat([1.0, -1.0], [500, 500]))
     crossing = int(np.flatnonzero(out < 0)[0]) - 500
     assert crossing * H == pytest.approx(0.3 * np.log(2.0), abs=2 * H)
     assert out[500 + crossing + 100] == pytest.approx(-1.0, abs=0.01)
@@ -97,7 +97,7 @@ def test_a_stick_is_soft_in_the_middle_and_right_at_its_end():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_drive_folds_back_when_hot_and_recovers_when_cool(sign):
-    out = sign * acted(actuators_with_memory.OverloadFoldback(FOLDBACK), np.full(3000, sign * 2.5))
+    out = sign * acted(actuators.OverloadFoldback(FOLDBACK), np.full(3000, sign * 2.5))
     turns = (np.flatnonzero(np.diff(out)) + 1) * H
     assert (set(out.tolist()), len(turns) > 5) == ({2.5, 1.5}, True)
     full, less = 2.5**2 / 4.0, 1.5**2 / 4.0  # what its heat goes to
@@ -110,11 +110,11 @@ def test_a_drive_folds_back_when_hot_and_recovers_when_cool(sign):
 
 def test_a_drive_within_its_rating_never_folds_back():
     """Whatever another one of the batch does."""
-    drive, none = actuators_with_memory.OverloadFoldback(FOLDBACK), np.zeros((2, 2))
+    drive, none = actuators.OverloadFoldback(FOLDBACK), np.zeros((2, 2))
     command = np.array([1.99, 2.5])
     out = np.array([drive.act(command, none, none[:, 0], H) for _ in range(3000)])
     assert (out[:, 0] == 1.99).all()
-    assert (out[:, 1] == acted(actuators_with_memory.OverloadFoldback(FOLDBACK), np.full(3000, 2.5))).all()
+    assert (out[:, 1] == acted(actuators.OverloadFoldback(FOLDBACK), np.full(3000, 2.5))).all()
 
 
 @pytest.mark.parametrize("u", [1.2, -0.4, 0.0, 3.0])
@@ -157,7 +157,7 @@ def test_a_ripple_of_the_supply_is_a_gain_that_swings_about_one():
 @pytest.mark.parametrize("pause", [0.03, 0.0305])
 def test_a_contactor_is_open_for_its_pause_at_every_change_of_sign_and_at_no_other(pause):
     command = np.repeat([1.0, 2.0, -2.0, 0.0, -1.0, 3.0], 100)
-    out = acted(actuators_with_memory.ReversingContactor({"pause": pause}), command)
+    out = acted(actuators.ReversingContactor({"pause": pause}), command)
     lost = (command - out) * H
     assert lost[:200].tolist() == [0.0] * 200  # more is no reversal
     assert lost[200:300].sum() == pytest.approx(-2.0 * pause)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.trials.outside import forces_of_position, forces_of_speed
+from gpsim.trials.outside import forces
 from gpsim.trials.truth.body import Body
 from gpsim.trials.worlds import TrueEffect
 
@@ -15,7 +15,7 @@ TOGGLE = {"stiffness": 40.0, "centre": 0.1, "aside": 0.15, "rest": 0.35}
 
 def test_an_eddy_brake_brakes_most_at_its_speed():
     k, v = {"amplitude": 3.0, "speed": 0.7}, np.linspace(-5, 5, 1001)
-    force = forces_of_speed.EddyBrake(k).force(v, v, v)
+    force = forces.EddyBrake(k).force(v, v, v)
     assert (force * v <= 0).all()
     assert np.abs(force).max() == pytest.approx(3.0)
     assert np.abs(v[np.argmax(np.abs(force))]) == pytest.approx(0.7)
@@ -24,26 +24,26 @@ def test_an_eddy_brake_brakes_most_at_its_speed():
 
 def test_an_oil_is_newtons_when_slow_and_a_power_law_when_fast():
     k, v = {"damping": 3.0, "speed": 0.1, "exponent": 0.4}, np.linspace(-5, 5, 1001)
-    force = forces_of_speed.ShearThinning(k).force(v, v, v)
+    force = forces.ShearThinning(k).force(v, v, v)
     assert (force * v <= 0).all()
     assert (np.diff(force) < 0).all()  # more with speed, always
     slow, fast = np.array([1e-3]), np.array([40.0])
-    assert forces_of_speed.ShearThinning(k).force(slow, slow, slow) == pytest.approx(-3.0 * slow, rel=1e-4)
+    assert forces.ShearThinning(k).force(slow, slow, slow) == pytest.approx(-3.0 * slow, rel=1e-4)
     expected = -3.0 * 0.1 * (fast / 0.1) ** 0.4
-    assert forces_of_speed.ShearThinning(k).force(fast, fast, fast) == pytest.approx(expected, rel=1e-4)
+    assert forces.ShearThinning(k).force(fast, fast, fast) == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_check_valve_lets_the_damper_go_back_freely(side):
     v = np.linspace(-3, 3, 61)
-    force = forces_of_speed.OneWayDamper({"damping": 2.0, "side": side}).force(v, v, v)
+    force = forces.OneWayDamper({"damping": 2.0, "side": side}).force(v, v, v)
     assert (force[v * side <= 0] == 0).all()
     np.testing.assert_allclose(force[v * side > 0], -2.0 * v[v * side > 0])
 
 
 def test_two_one_way_dampers_are_a_damper():
     v = np.linspace(-3, 3, 61)
-    both = sum(forces_of_speed.OneWayDamper({"damping": 2.0, "side": s}).force(v, v, v) for s in (1.0, -1.0))
+    both = sum(forces.OneWayDamper({"damping": 2.0, "side": s}).force(v, v, v) for s in (1.0, -1.0))
     np.testing.assert_allclose(both, -2.0 * v)
 
 
@@ -52,13 +52,11 @@ def test_a_cable_takes_the_weight_that_moves_times_the_way():
     k = {"drag": 3.0, "anchor": 0.2, "speed": 1e-3}
     q = np.linspace(0.2, 1.2, 2001)
     for speed in (0.1, 2.0):
-        out = forces_of_speed.DraggedCable(k).force(q, np.full_like(q, speed), q)
-        back = forces_of_speed.DraggedCable(k).force(q, np.full_like(q, -speed), q)
+        out = forces.DraggedCable(k).force(q, np.full_like(q, speed), q)
+        back = forces.DraggedCable(k).force(q, np.full_like(q, -speed), q)
         assert np.trapezoid(out - back, q) == pytest.approx(-3.0, rel=1e-6)
-    assert forces_of_speed.DraggedCable(k).force(np.array([0.2]), np.array([1.0]), q[:1])[0] == 0.0
-    same = [
-        forces_of_speed.DraggedCable(k).force(np.array([a]), np.array([1.0]), q[:1])[0] for a in (-0.3, 0.7)
-    ]
+    assert forces.DraggedCable(k).force(np.array([0.2]), np.array([1.0]), q[:1])[0] == 0.0
+    same = [forces.DraggedCable(k).force(np.array([a]), np.array([1.0]), q[:1])[0] for a in (-0.3, 0.7)]
     assert same[0] == pytest.approx(same[1])
 
 
@@ -85,7 +83,7 @@ def test_a_pendulum_on_a_shaft_that_turns_swings_up_and_settles():
 def test_a_toggle_is_the_slope_of_its_springs_energy():
     q, step = np.linspace(-0.8, 0.9, 401), 1e-6
     energy = lambda q: 20.0 * (np.hypot(q - 0.1, 0.15) - 0.35) ** 2  # noqa: E731
-    force = forces_of_position.ToggleSpring(TOGGLE).force(q, q, q)
+    force = forces.ToggleSpring(TOGGLE).force(q, q, q)
     np.testing.assert_allclose(force, -(energy(q + step) - energy(q - step)) / (2 * step), atol=1e-6)
 
 
@@ -100,7 +98,7 @@ def test_a_toggle_snaps_to_either_side_and_rests_where_its_spring_is_relaxed():
 
 def test_two_magnets_push_with_the_fourth_power_of_their_distance():
     k = {"amplitude": 5.0, "edge": 0.4, "reach": 0.2}
-    bumper = forces_of_position.MagneticBumper(k)
+    bumper = forces.MagneticBumper(k)
     q = np.linspace(-2.0, 0.4, 200)
     force = bumper.force(q, q, q)
     distance = 0.2 + 0.4 - q
@@ -111,9 +109,9 @@ def test_two_magnets_push_with_the_fourth_power_of_their_distance():
 
 def test_drag_falls_where_the_wake_narrows_and_is_quadratic_on_either_side():
     k, v = {"drag": 2.0, "loss": 0.8, "critical": 1.0, "width": 0.02}, np.linspace(0.0, 3.0, 3001)
-    force = forces_of_speed.DragCrisis(k).force(v, v, v)
+    force = forces.DragCrisis(k).force(v, v, v)
     slow, fast = v < 0.8, v > 1.2
     np.testing.assert_allclose(force[slow], -2.0 * v[slow] ** 2, rtol=1e-3)
     np.testing.assert_allclose(force[fast], -0.2 * 2.0 * v[fast] ** 2, rtol=1e-3)
     assert -force[v > 0.8].min() > -force[np.argmin(np.abs(v - 1.1))]  # faster, and yet less
-    np.testing.assert_allclose(forces_of_speed.DragCrisis(k).force(v, -v, v), -force)
+    np.testing.assert_allclose(forces.DragCrisis(k).force(v, -v, v), -force)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from gpsim.trials.outside import hidden_masses, hidden_materials
+from gpsim.trials.outside import hidden_forces
 from gpsim.trials.truth.body import Body
 from gpsim.trials.worlds import TrueEffect
 
@@ -17,7 +17,7 @@ SLEDGE = {"friction": 2.0, "slack": 0.2, "inertia": 0.4, "stiffness": 250.0, "sp
 
 
 def test_a_rubber_buffer_is_a_spring_at_first_and_a_damper_in_the_end():
-    law = hidden_materials.RubberBuffer({"stiffness": 8.0, "time": 0.5})
+    law = hidden_forces.RubberBuffer({"stiffness": 8.0, "time": 0.5})
     z, v, h = law.begin(np.zeros(1), np.zeros(1)), np.full(1, 0.3), 1e-4
     for step in range(50_000):
         z = z + h * law.drift(v, v, z)
@@ -39,7 +39,7 @@ def test_a_rubber_buffer_only_takes_energy():
 
 
 def test_grease_gels_at_rest_and_thins_in_motion():
-    law, v = hidden_materials.ThixotropicGrease(GREASE), np.array([0.0, 0.3, 3.0])
+    law, v = hidden_forces.ThixotropicGrease(GREASE), np.array([0.0, 0.3, 3.0])
     z = law.begin(v, v)
     assert law.force(v, v, z).tolist() == (-4.0 * v).tolist()
     for _ in range(5000):
@@ -106,7 +106,7 @@ def test_a_loose_load_is_not_there_until_it_knocks_and_keeps_the_momentum():
 
 
 def test_a_buffer_never_pulls():
-    rng, law = np.random.default_rng(0), hidden_masses.LooseLoad(LOAD)
+    rng, law = np.random.default_rng(0), hidden_forces.LooseLoad(LOAD)
     q, v = rng.uniform(-1, 1, 500), rng.uniform(-20, 20, 500)
     z = np.stack([rng.uniform(-1, 1, 500), rng.uniform(-20, 20, 500)], axis=1)
     force = law.force(q, v, z)
@@ -183,7 +183,7 @@ def test_a_sledge_never_gives_energy():
 
 def test_a_brake_that_fades_grips_as_much_as_its_heat_says():
     k = {"force": 3.0, "speed": 0.01, "fade": 2.0, "typical": 0.5, "time": 0.4}
-    law, v = hidden_materials.FadingBrake(k), np.array([0.5, -0.5, 1.0])
+    law, v = hidden_forces.FadingBrake(k), np.array([0.5, -0.5, 1.0])
     z = law.begin(v, v)
     np.testing.assert_allclose(law.force(v, v, z), -3.0 * np.sign(v))
     for _ in range(400):

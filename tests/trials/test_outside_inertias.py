@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from gpsim.trials.outside import MECHANICAL, inertias
+from gpsim.trials.outside import coupled_forces
+from gpsim.trials.outside.kind import MECHANICAL
 from gpsim.trials.truth import run
 from gpsim.trials.truth.body import Body, with_inertia
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect, dynamics
@@ -20,7 +21,7 @@ def test_an_uneven_inertia_keeps_the_energy():
     k = {"amplitude": 0.9, "wave_number": 6.0, "phase": 0.5}
     body, t = Body("slider", {"mass": 2.0}, [TrueEffect("uneven_inertia", "q", k)]), np.zeros(1)
     s, z = np.array([[0.0, 1.0]]), np.empty((1, 0))
-    energy = lambda s: 0.5 * (2.0 + inertias.UnevenInertia(k).inertia(s[:, 0])[0][0]) * s[0, 1] ** 2  # noqa: E731
+    energy = lambda s: 0.5 * (2.0 + coupled_forces.UnevenInertia(k).inertia(s[:, 0])[0][0]) * s[0, 1] ** 2  # noqa: E731
     before, speeds = energy(s), []
     for _ in range(3000):
         s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
@@ -46,7 +47,7 @@ def test_inertia_stays_positive_at_its_plainest(system):
     for on in SYSTEMS[system].coordinates:
         world = world_of(system)
         scales = Scales(world, run(world, ()))
-        k = inertias.UnevenInertia.strength(scales, on, Dial(np.random.default_rng(1), 1.0))
+        k = coupled_forces.UnevenInertia.drawn(scales, on, Dial(np.random.default_rng(1), 1.0))
         s = np.random.default_rng(2).uniform(-3.2, 3.2, (500, len(SYSTEMS[system].state)))
         inverse, _ = dynamics(system, world.parameters, s, np.zeros((500, 1)))
         c = SYSTEMS[system].coordinates.index(on)
@@ -71,7 +72,7 @@ def test_a_governor_keeps_the_energy_that_its_damper_leaves(damping_ratio):
 
 
 def test_a_governor_adds_inertia_with_speed_and_none_at_rest():
-    law, v = inertias.CentrifugalGovernor(GOVERNOR), np.array([0.0, 2.0, 5.0])
+    law, v = coupled_forces.CentrifugalGovernor(GOVERNOR), np.array([0.0, 2.0, 5.0])
     z = law.begin(v, v)
     assert law.inertia(z).tolist() == [0.0, 0.0, 0.0]
     for _ in range(20_000):

@@ -196,7 +196,7 @@ def effect(
 ) -> TrueEffect:
     """A family, or a kind outside the catalogue, on a place, as strong as the dial says; perhaps gated."""
     outer = family in outside.EVERY_KIND
-    strength = outside.EVERY_KIND[family].strength if outer else catalogue.STRENGTHS[family]
+    strength = outside.EVERY_KIND[family].drawn if outer else catalogue.STRENGTHS[family]
     values = strength(scales, on, dial)
     region: dict[str, tuple[float, float]] = {}
     since = None

@@ -132,7 +132,7 @@ class Nuisance:
     def at(self, strength: float, scales: Scales) -> TrueEffect:
         """As strong as that; the same in all else."""
         dial = Dial(np.random.default_rng(self.seed), strength)
-        values = outside.EVERY_KIND[self.kind].strength(scales, self.on, dial)
+        values = outside.EVERY_KIND[self.kind].drawn(scales, self.on, dial)
         return TrueEffect(self.kind, self.on, values, outside=True, strength="subtle")
 
 

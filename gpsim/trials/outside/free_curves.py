@@ -13,21 +13,19 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.outside.kind import MECHANICAL, VEHICLE, Actuator, Distortion, Force, Kind, Twist
+from gpsim.trials.outside.kind import Actuator, Distortion, Draw, Force, Kind, Twist
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, Values, rounded
 
 SIGMOIDS, HARMONICS = 3, (2, 3, 4)  # a single harmonic of an angle is gravity's
 MISSES = 0.025  # of what a law does, on squares, that the nearest laws of the catalogue must miss
 TRIES, PLACES = 60, 400  # laws that are drawn; inputs at which they are looked at
-STEADY_TRIES = (
-    30  # after which a law that rises throughout may turn: few of the odd ones are far from the catalogue's
-)
+# After which a law that rises throughout may turn: few of the odd ones are far from the catalogue's.
+STEADY_TRIES = 30
 WIDTHS = {
     False: (0.08, 0.35),
     True: (0.05, 0.15),
 }  # of a step, of a law that may turn and of one that does not
 BENDS = (0.3, 0.7, 1.2)  # of the reach: where laws that begin somewhere are looked at
-OF_SPEED, OF_POSITION = "speed", "position"
 
 
 def smooth(k: Values, x: FloatArray) -> FloatArray:
@@ -118,109 +116,86 @@ def _shapes(x: FloatArray, angle: bool) -> list[FloatArray]:
 
 
 class FreeCurve(Kind):
-    """What such laws share. quantity: the family that a measured curve of it has; of: its input, of a force."""
+    """What such laws share. quantity: the family that a measured curve of it has."""
 
-    since = None
     quantity: ClassVar[str]
-    of: ClassVar[str] = ""
 
     @classmethod
     def input_of(cls, on: str, system: str) -> str:
         """The channel or command that it is a function of."""
-        raise NotImplementedError
+        return on
 
     def adds(self, x: FloatArray) -> FloatArray:
         """What it adds to what the base simulator makes of its input."""
         return smooth(self.k, x)
 
 
-class _FreeForce(FreeCurve, Force):
-    systems = MECHANICAL
+class FreeForceOfSpeed(FreeCurve, Force):
+    """A force of the coordinate's own speed."""
+
     quantity = "force_curve"
 
     @classmethod
     def input_of(cls, on: str, system: str) -> str:
         names = SYSTEMS[system].names
-        return names[names.index(on) + 1] if cls.of == OF_SPEED else on
+        return names[names.index(on) + 1]
 
     def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
-        return self.adds(v if self.of == OF_SPEED else q)
-
-    @classmethod
-    def _drawn(cls, s: Scales, on: str, d: Dial) -> dict[str, float]:
-        x = s.column(cls.input_of(on, s.world.system))
-        angle = cls.of == OF_POSITION and _is_angle(s, on)
-        return drawn_law(x, d.size(0.15, 0.5) * s.force(on), angle, d)
-
-
-class FreeForceOfSpeed(_FreeForce):
-    """A force of the coordinate's own speed."""
-
-    name = "free_force_of_speed"
-    of = OF_SPEED
+        return self.adds(v)
 
     @staticmethod
     def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        return FreeForceOfSpeed._drawn(s, on, d)
+        x = s.column(FreeForceOfSpeed.input_of(on, s.world.system))
+        return drawn_law(x, d.size(0.15, 0.5) * s.force(on), False, d)
 
 
-class FreeForceOfPosition(_FreeForce):
+class FreeForceOfPosition(FreeCurve, Force):
     """A force of the coordinate's own position."""
 
-    name = "free_force_of_position"
-    of = OF_POSITION
+    quantity = "force_curve"
+    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(
+        s.column(on), d.size(0.15, 0.5) * s.force(on), _is_angle(s, on), d
+    )
 
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        return FreeForceOfPosition._drawn(s, on, d)
+    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
+        return self.adds(q)
 
 
 class FreeCommand(FreeCurve, Actuator):
     """What reaches the body is the command and a function of it."""
 
-    name = "free_command"
     quantity = "actuator_curve"
     needs_levels = True
-
-    @classmethod
-    def input_of(cls, on: str, system: str) -> str:
-        return on
 
     def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
         return np.asarray(u + self.adds(u))
 
     @staticmethod
     def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        column = list(SYSTEMS[s.world.system].action).index(on)
-        u = s.pilot.commands[..., column].ravel()
+        u = s.pilot.commands[..., list(SYSTEMS[s.world.system].action).index(on)].ravel()
         return drawn_law(u, d.size(0.1, 0.4) * float(np.sqrt(np.mean(u**2))), False, d)
 
 
 class FreeReading(FreeCurve, Distortion):
     """What is read is the true value and a function of it."""
 
-    name = "free_reading"
     quantity = "sensor_curve"
-
-    @classmethod
-    def input_of(cls, on: str, system: str) -> str:
-        return on
+    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(
+        s.column(on), d.size(0.04, 0.15) * min(s.reach(on), 1.0), _is_angle(s, on), d
+    )
 
     def read(self, y: FloatArray) -> FloatArray:
         return np.asarray(y + self.adds(y))
-
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        return drawn_law(s.column(on), d.size(0.04, 0.15) * min(s.reach(on), 1.0), _is_angle(s, on), d)
 
 
 class FreeTurn(FreeCurve, Twist):
     """Curvature by a function of the speed: w (1 + f(v))."""
 
-    name = "free_turn"
-    systems = VEHICLE
     quantity = "rate_curve"
     needs_levels = True
+    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(
+        s.pilot.commands[..., 0].ravel(), d.size(0.1, 0.4), False, d
+    )
 
     @classmethod
     def input_of(cls, on: str, system: str) -> str:
@@ -229,19 +204,6 @@ class FreeTurn(FreeCurve, Twist):
     def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         return v, np.asarray(w * (1.0 + self.adds(v)))
 
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        return drawn_law(s.pilot.commands[..., 0].ravel(), d.size(0.1, 0.4), False, d)
-
 
 def _is_angle(s: Scales, channel: str) -> bool:
     return SYSTEMS[s.world.system].state[channel] == "rad"
-
-
-KINDS: tuple[type[FreeCurve], ...] = (
-    FreeForceOfSpeed,
-    FreeForceOfPosition,
-    FreeCommand,
-    FreeReading,
-    FreeTurn,
-)

@@ -7,43 +7,58 @@ actuator, a vehicle's twist (with or without a hidden state), a sensor.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import ClassVar
 
+import numpy as np
+
 from gpsim.channels import FloatArray
-from gpsim.trials.worlds import Dial, Scales, System, Values
+from gpsim.trials.worlds import Dial, Scales, System, Values, rounded
 
 Systems = tuple[str, ...]
 MECHANICAL: Systems = ("cartpole", "slider", "pendulum")
 VEHICLE: Systems = ("unicycle",)
 EVERY: Systems = (*MECHANICAL, *VEHICLE)
+Draw = Callable[..., dict[str, float]]
+"""draw(scales, on, dial) -> parameters on a place, as strong as the dial says, as a share of what the system does."""
 
 
 class Kind:
     """One kind. Its law is a method of its site; `strength` draws its parameters.
 
-    name: as answers call it. family: what the catalogue calls it, where it has become a word. since: the first seed
+    A class that has its own `strength` is listed, under its name in lower case (`PositionGain`: position_gain), which
+    is what answers call it. family: what the catalogue calls it, where it has become a word. since: the first seed
     whose worlds may hold it; None: those of every seed may. systems: where it makes sense. on: what it acts on where
     the site does not say it. needs_levels: only commands of many values show it. unseen_under: excitations that cannot
-    show it.
+    show it. of_body: whether it acts in the body itself, not before it (actuators) or after it (sensors).
     """
 
+    listed: ClassVar[dict[str, type[Kind]]] = {}
     name: ClassVar[str]
-    since: ClassVar[int | None]
+    strength: ClassVar[Draw]
+    since: ClassVar[int | None] = None
     family: ClassVar[str] = ""
     systems: ClassVar[Systems] = MECHANICAL
     on: ClassVar[tuple[str, ...]] = ()
     needs_levels: ClassVar[bool] = False
     unseen_under: ClassVar[tuple[str, ...]] = ()
     of_body: ClassVar[bool] = True
-    """Whether it acts in the body itself, not before it (actuators) or after it (sensors)."""
+
+    def __init_subclass__(cls) -> None:
+        cls.name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", cls.__name__).lower()
+        if "strength" in vars(cls):
+            if cls.name in Kind.listed:
+                raise ValueError(f"two kinds are called {cls.name}")
+            Kind.listed[cls.name] = cls
 
     def __init__(self, k: Values) -> None:
         self.k = k
 
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        """Parameters on a place, as strong as the dial says, in proportion to what the system does."""
-        raise NotImplementedError
+    @classmethod
+    def drawn(cls, s: Scales, on: str, d: Dial) -> dict[str, float]:
+        """The parameters with as many digits as an answer shows."""
+        return {name: rounded(value) for name, value in cls.strength(s, on, d).items()}
 
     @classmethod
     def places(cls, system: System, velocities: str | None) -> list[str]:
@@ -64,11 +79,13 @@ class Force(Kind):
 
 
 class HiddenForce(Kind):
-    """A force, and perhaps an inertia, with a hidden state z (B, 2) of its own."""
+    """A force, and perhaps an inertia, with a hidden state z (B, 2) of its own, which begins at (first, 0)."""
+
+    first: ClassVar[float] = 0.0
 
     def begin(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """(B, 2) at the start."""
-        raise NotImplementedError
+        return np.stack([np.full_like(q, self.first), np.zeros_like(q)], axis=1)
 
     def force(self, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
         """(B,) on its coordinate."""
@@ -103,10 +120,14 @@ class Inertia(Kind):
 
 
 class Actuator(Kind):
-    """What happens to a command on its way to the body, with memory: `gpsim.trials.catalogue.Actuator`."""
+    """What happens to a command on its way to the body, with memory: `gpsim.trials.catalogue.Actuator`.
+
+    level: what it remembers where that is one number, 0 at an episode's start.
+    """
 
     systems = EVERY
     of_body = False
+    level: FloatArray | float = 0.0
 
     def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
         """(B,) what acts during the next h s; u (B,) command, s (B, S) state, t (B,) s of the recording's clock."""
@@ -129,14 +150,14 @@ class Twist(Kind):
 
 
 class HiddenTwist(Kind):
-    """What becomes of a vehicle's twist, with a hidden state z (B, 1) of its own."""
+    """What becomes of a vehicle's twist, with a hidden state z (B, 1) of its own, which begins at 0."""
 
     systems = VEHICLE
     on = ("vehicle",)
 
     def begin(self, s: FloatArray) -> FloatArray:
         """(B, 1) at the start."""
-        raise NotImplementedError
+        return np.zeros((len(s), 1))
 
     def twist(self, v: FloatArray, w: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(B,) v and w, and dz / dt (B, 1)."""
@@ -168,3 +189,13 @@ class SensorWithMemory(_Sensor):
     def read(self, past: FloatArray, h: float) -> FloatArray:
         """(E,) what is read; past: (K, E) all true values of its channel every h s, the last is now."""
         raise NotImplementedError
+
+
+def middle(s: Scales, on: str, d: Dial, far: float) -> float:
+    """A place near the mean of a channel, no farther from it than `far` times its standard deviation."""
+    return float(np.mean(s.column(on))) + d.any(-far, far) * s.reach(on)
+
+
+def seconds(s: Scales, share: float) -> float:
+    """A share of an episode [s]."""
+    return share * s.world.steps * s.world.dt

@@ -1,24 +1,13 @@
-"""Every kind of physics outside the catalogue, by name, and which of them a seed draws."""
+"""Which kinds of physics outside the catalogue there are, and which of them a seed draws."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TypeVar
 
-from gpsim.trials.outside import (
-    actuators,
-    actuators_with_memory,
-    coupled_forces,
-    forces_of_position,
-    forces_of_speed,
-    forces_of_time,
-    free_curves,
-    hidden_masses,
-    hidden_materials,
-    inertias,
-    sensors,
-    twists,
-)
+# Kinds are listed as their files are read.
+from gpsim.trials.outside import actuators, coupled_forces, forces, hidden_forces, sensors, twists  # noqa: F401
+from gpsim.trials.outside.free_curves import FreeCurve
 from gpsim.trials.outside.kind import Kind
 
 TUNING = range(1, 100)
@@ -26,36 +15,9 @@ TUNING = range(1, 100)
 REVEALED = 2031
 """The last seed whose measurement is published."""
 K = TypeVar("K", bound=Kind)
-
-
-def _named(kinds: tuple[type[Kind], ...]) -> dict[str, type[Kind]]:
-    """Kinds by name; no two may have the same."""
-    found: dict[str, type[Kind]] = {}
-    for kind in kinds:
-        if kind.name in found:
-            raise ValueError(f"two kinds are called {kind.name}")
-        found[kind.name] = kind
-    return found
-
-
-KINDS: Mapping[str, type[Kind]] = _named(
-    (
-        *forces_of_position.KINDS,
-        *forces_of_speed.KINDS,
-        *forces_of_time.KINDS,
-        *hidden_materials.KINDS,
-        *hidden_masses.KINDS,
-        *coupled_forces.KINDS,
-        *inertias.KINDS,
-        *actuators.KINDS,
-        *actuators_with_memory.KINDS,
-        *twists.KINDS,
-        *sensors.KINDS,
-    )
-)
-
-CURVES: Mapping[str, type[free_curves.FreeCurve]] = {kind.name: kind for kind in free_curves.KINDS}
+CURVES: Mapping[str, type[FreeCurve]] = {n: k for n, k in Kind.listed.items() if issubclass(k, FreeCurve)}
 """Random laws of one input, which only the worlds that prove measured curves hold."""
+KINDS: Mapping[str, type[Kind]] = {n: k for n, k in Kind.listed.items() if n not in CURVES}
 EVERY_KIND: Mapping[str, type[Kind]] = {**KINDS, **CURVES}
 
 
