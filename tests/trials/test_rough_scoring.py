@@ -7,7 +7,8 @@ from gpsim.reports.prove_page import miss_rows
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring import rough_verdicts, score
-from gpsim.trials.statistics import mean_interval, summarise
+from gpsim.trials.statistics import summarise
+from gpsim.trials.statistics.intervals import mean_interval
 from gpsim.trials.worlds import TrueEffect
 
 from .test_scoring import DAMPED, STRANGE, answer, report, said

@@ -10,15 +10,9 @@ from gpsim.trials import drawing
 from gpsim.trials.blinding import Answer, answer_of, conceal
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring import held_out_fit, iou, score
-from gpsim.trials.statistics import (
-    interval,
-    median_interval,
-    parameter_figures,
-    rate,
-    share_interval,
-    summarise,
-    worst_fit,
-)
+from gpsim.trials.statistics import rate, summarise
+from gpsim.trials.statistics.intervals import interval, median_interval, share_interval
+from gpsim.trials.statistics.summary import parameter_figures, worst_fit
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 

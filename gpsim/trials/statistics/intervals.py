@@ -1,8 +1,9 @@
-"""95 % intervals of shares and of medians."""
+"""Shares, means and medians of scores with their 95 % intervals, and the same by name and by strata."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,12 @@ from scipy.stats import binomtest
 
 from gpsim.channels import FloatArray, IntArray
 
+Score = Mapping[str, Any]
 LEVEL = 0.95
 RESAMPLES, SEED = 1000, 0
 
 
-def rate(hits: Sequence[bool], name: str) -> dict[str, Any]:
+def rate(hits: Sequence[object], name: str) -> dict[str, Any]:
     """n, the count under `name`, its share, and the Wilson interval; no share of nothing."""
     count, n = sum(map(bool, hits)), len(hits)
     return {"n": n, name: count, "share": count / n if n else None, "interval": interval(count, n)}
@@ -72,6 +74,67 @@ def median_interval(worlds: Sequence[Sequence[float]]) -> list[float] | None:
     below = np.cumsum(_draws(len(worlds))[:, owner[order]], axis=1)
     middle = np.argmax(2 * below >= below[:, -1:], axis=1)
     return _edges(values[order][middle])
+
+
+def share(name: str, hits: Sequence[bool]) -> dict[str, Any]:
+    """A share under `name`, and its interval."""
+    found = rate(hits, name)
+    return {name: found["share"], f"interval_{name}": found["interval"]}
+
+
+def mean(name: str, values: Sequence[float]) -> dict[str, Any]:
+    """A mean under `name`, and its interval; each None of nothing."""
+    return {name: float(np.mean(values)) if values else None, f"interval_{name}": mean_interval(values)}
+
+
+def median(name: str, worlds: Sequence[Sequence[float]]) -> dict[str, Any]:
+    """The median of all values of all worlds under `name`, and its interval; each None of nothing."""
+    return {name: median_of(flat(worlds)), f"interval_{name}": median_interval(worlds)}
+
+
+def median_of(values: Sequence[float]) -> float | None:
+    """None of nothing."""
+    return float(np.median(values)) if values else None
+
+
+def coverage(worlds: Sequence[Sequence[bool]]) -> dict[str, Any]:
+    """The share of all parameters that their intervals cover, and its interval."""
+    covered = flat(worlds)
+    of_all = sum(covered) / len(covered) if covered else None
+    return {"coverage_90": of_all, "interval_coverage_90": share_interval(worlds)}
+
+
+def flat(worlds: Sequence[Sequence[Any]]) -> list[Any]:
+    """All values of all worlds."""
+    return [value for world in worlds for value in world]
+
+
+def rates_by(pairs: Iterable[tuple[str, object]], name: str) -> dict[str, Any]:
+    """The rate of every name that stands with hits."""
+    hits: dict[str, list[object]] = {}
+    for family, hit in pairs:
+        hits.setdefault(family, []).append(hit)
+    return {family: rate(there, name) for family, there in sorted(hits.items())}
+
+
+def by_strata(
+    scores: Sequence[Score],
+    strata: Mapping[str, Callable[[Score], str]],
+    block: Callable[[Sequence[Score]], dict[str, Any]],
+) -> dict[str, dict[str, Any]]:
+    """The figures of a block for every value of every stratum."""
+    return {
+        name: {v: block([s for s in scores if key(s) == v]) for v in sorted({key(s) for s in scores})}
+        for name, key in strata.items()
+    }
+
+
+def tally(pairs: Iterable[tuple[str, str]]) -> dict[str, dict[str, int]]:
+    """How often what stands second was said of what stands first."""
+    table: dict[str, Counter[str]] = {}
+    for first, second in pairs:
+        table.setdefault(first, Counter())[second] += 1
+    return {first: dict(sorted(row.items())) for first, row in sorted(table.items())}
 
 
 def _draws(worlds: int) -> IntArray:
