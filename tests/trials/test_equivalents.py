@@ -23,7 +23,7 @@ def concealed_slider(monkeypatch, effects, **how):
 
     monkeypatch.setattr(concealment, "draw", drawn)
     concealed = concealment.conceal(SEED, NUMBER)
-    content = concealment.answer_of(concealed, "")
+    content = concealed.answer("")
     return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recording
 
 
@@ -68,7 +68,7 @@ def test_a_gain_of_a_swinging_pendulum_is_a_mass(monkeypatch):
     short = replace(whole, episodes=10, steps=200)
     monkeypatch.setattr(concealment, "draw", lambda seed, number, attempt=0: short)
     concealed = concealment.conceal(2027, 770)
-    content = concealment.answer_of(concealed, "")
+    content = concealed.answer("")
     answer = Answer(content, [e.states for e in concealed.clean.episodes], None, None)
     equal = {r.claims for r in rivals(answer, concealed.recording) if r.equivalent}
     assert (("parameter_offset", "mass"),) in equal

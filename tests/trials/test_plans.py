@@ -7,7 +7,7 @@ import pytest
 from gpsim.cli.main import main
 
 from gpsim.stages.prove import numbers_of
-from gpsim.trials.blinding.plan_worlds import conceal_plan, played
+from gpsim.trials.blinding.machine_worlds import conceal_plan, played
 from gpsim.trials.drawing import PLANS_FROM, box_of, draw_plan, plan_rank
 from gpsim.trials.drawing.plan_draws import HIDDEN
 from gpsim.trials.rivals import PLANNED, Second, compared

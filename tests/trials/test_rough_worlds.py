@@ -12,7 +12,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages import prove
 from gpsim.trials import outside
-from gpsim.trials.blinding import ANSWER, PUBLIC, answer_of, conceal, write_trial
+from gpsim.trials.blinding import ANSWER, PUBLIC, conceal, write_trial
 from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import ROUGH_FROM, draw_rough, rank_of
 from gpsim.trials.truth import Shares, run
@@ -36,10 +36,10 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     world, rough = concealed.world, concealed.rough
     assert 1 <= len(world.main) <= 3
     assert 2 <= len(world.effects) - len(world.main) <= 4
-    assert len(rough.nuisances) == len(world.effects) - len(world.main)
-    assert all(0.005 <= share <= 0.08 for share in rough.nuisances)
-    assert sum(m.importance for m in rough.main) == pytest.approx(rough.explained)
-    assert all(m.importance > 0.05 for m in rough.main)
+    assert len(rough["nuisances"]) == len(world.effects) - len(world.main)
+    assert all(0.005 <= share <= 0.08 for share in rough["nuisances"])
+    assert sum(m["importance"] for m in rough["main"]) == pytest.approx(rough["explained"])
+    assert all(m["importance"] > 0.05 for m in rough["main"])
     assert world.excitation in ("tracking", "controller")
     assert world.integrator == "rk4"
     assert len(world.rough.defects) >= 3
@@ -55,7 +55,7 @@ def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
     held = np.arange(round(0.8 * world.episodes), world.episodes)
     k, e = np.meshgrid(np.arange(0, world.steps - 60, 3), held, indexing="ij")
     picks, length = np.stack([k.ravel(), e.ravel()]), min(round(1.0 / world.dt), 59)
-    columns = [SYSTEMS[world.system].names.index(c) for c in concealed.rough.channels]
+    columns = [SYSTEMS[world.system].names.index(c) for c in concealed.rough["channels"]]
 
     def squares(effects):
         said = Replay(world, truth, effects).readings(picks, length)
@@ -65,8 +65,10 @@ def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
     before = squares(())
     weights = before / truth.clean[:, held].std(axis=(0, 1))[columns] ** 2
     explained = weights @ np.clip(1 - squares(world.main) / before, 0, 1) / weights.sum()
-    assert explained == pytest.approx(concealed.rough.explained, abs=0.04)
-    for effect, share in zip([e for e in world.effects if e.outside], concealed.rough.nuisances, strict=True):
+    assert explained == pytest.approx(concealed.rough["explained"], abs=0.04)
+    for effect, share in zip(
+        [e for e in world.effects if e.outside], concealed.rough["nuisances"], strict=True
+    ):
         without = [e for e in world.effects if e is not effect]
         found = weights @ np.clip(squares(without) / before, 0, 1) / weights.sum()
         assert 1 / 1.6 < found / share < 1.6
@@ -255,9 +257,9 @@ def test_a_rough_world_is_written_and_read_and_the_same_every_time(tmp_path):
 
 
 def test_the_answer_holds_what_decides(concealed):
-    content = answer_of(concealed, "0")
+    content = concealed.answer("0")
     assert content["stratum"] == "rough"
-    assert content["rough"]["explained"] == concealed.rough.explained
+    assert content["rough"]["explained"] == concealed.rough["explained"]
     assert content["rough"]["defects"] == list(concealed.world.rough.defects)
     assert world_from_json(content["world"], content["effects"]) == concealed.world
 
@@ -324,8 +326,8 @@ def test_one_command_runs_plain_and_rough_worlds_and_takes_up_what_is_there(monk
 
 
 def test_answers_of_rough_worlds_are_listed_with_what_decides(monkeypatch, tmp_path, concealed):
-    content = answer_of(concealed, "0")
+    content = concealed.answer("0")
     monkeypatch.setattr(prove, "read_answers", lambda out: [content])
     shown = CliRunner().invoke(app, ["prove", "answers", str(tmp_path)]).output
-    assert f"explained {concealed.rough.explained:.3f}" in shown
-    assert shown.count("nuisance") == len(concealed.rough.nuisances)
+    assert f"explained {concealed.rough['explained']:.3f}" in shown
+    assert shown.count("nuisance") == len(concealed.rough["nuisances"])

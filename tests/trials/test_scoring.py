@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.trials import drawing
-from gpsim.trials.blinding import Answer, answer_of, conceal
+from gpsim.trials.blinding import Answer, conceal
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring import held_out_fit, iou, score
 from gpsim.trials.statistics import rate, summarise
@@ -396,7 +396,7 @@ def test_held_out_errors_are_matched_by_the_name_of_the_rate():
 
 
 def test_an_answer_says_what_the_true_model_itself_reaches():
-    found = answer_of(conceal(5, 2), "")
+    found = conceal(5, 2).answer("")
     for errors in found["one_step"].values():
         assert 0 < errors["own"] <= 1.01 * errors["base"]
 

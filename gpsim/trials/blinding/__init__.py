@@ -4,29 +4,30 @@ Whoever conceals publishes the recordings and the answers' hashes; a diagnosis r
 that hold nothing but one recording; an answer counts only if its hash is the one that was published.
 """
 
-from gpsim.trials.blinding.answers import Answer, reveal
 from gpsim.trials.blinding.blind_diagnosis import (
-    DIAGNOSES,
     DIAGNOSIS,
-    OUTCOME,
     PLAN,
     diagnose_blind,
     diagnosis_digest,
-    read_outcome,
     read_report,
 )
-from gpsim.trials.blinding.concealment import answer_of, conceal
+from gpsim.trials.blinding.concealment import conceal
 from gpsim.trials.blinding.logs import even_recording
-from gpsim.trials.blinding.plan_worlds import MINUTES, conceal_plan, played
+from gpsim.trials.blinding.machine_worlds import MINUTES, conceal_plan, played
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
+    DIAGNOSES,
     HASHES,
     NAME,
+    OUTCOME,
     PRIVATE,
     PUBLIC,
+    Answer,
     publish_hashes,
     published,
+    read_outcome,
     recording_folders,
+    reveal,
     trial_name,
     write_trial,
 )
@@ -43,7 +44,6 @@ __all__ = [
     "PRIVATE",
     "PUBLIC",
     "Answer",
-    "answer_of",
     "conceal",
     "conceal_plan",
     "diagnose_blind",

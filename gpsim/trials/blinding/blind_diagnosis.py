@@ -19,12 +19,20 @@ from typing import Any
 from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, read_object, tells_of_full_disk, written_whole
-from gpsim.trials.blinding.plan_worlds import LIMITS
-from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests, recording_folders
+from gpsim.trials.blinding.trial_files import (
+    DIAGNOSES,
+    HASHES,
+    LIMITS,
+    OUTCOME,
+    PUBLIC,
+    published,
+    read_outcome,
+    recording_digests,
+    recording_folders,
+)
 from gpsim.trials.robots import robot_rank
 
-DIAGNOSES, OUTCOME, DIAGNOSIS, PLAN = "diagnoses", "outcome.json", "diagnosis", "plan"
-RECORDING = "recording"
+RECORDING, DIAGNOSIS, PLAN = "recording", "diagnosis", "plan"
 LIMIT = 900.0  # s after which a diagnosis is given up
 ROBOTS_LIMIT = 3600.0  # s, of a robot, which simulates for longer
 # The command line in a fresh interpreter: what a user would run, and no module of the trials comes along. It ends when
@@ -127,16 +135,6 @@ def _before(out: Path, name: str) -> dict[str, Any]:
             f"{out / PUBLIC / name}: no recording of the published trial; hand over public/ whole"
         )
     return {"answer_sha256": digest, "git_commit": git_commit()}
-
-
-def read_outcome(out: Path, name: str) -> dict[str, Any]:
-    """How a finished diagnosis ended; raises UsageError."""
-    path = out / DIAGNOSES / name / OUTCOME
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path}: damaged; delete the folder and diagnose trial {name} again") from error
-    return content
 
 
 def diagnosis_digest(out: Path, name: str) -> str:

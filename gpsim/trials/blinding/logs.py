@@ -23,7 +23,7 @@ def even_recording(world: World, readings: FloatArray, truth: Run, kept: FloatAr
         count = int(kept[e])
         states = readings[:count, e].copy()
         if world.velocities == "differentiated":
-            states[:, 1::2] = _differentiated(states[:, 0::2], world)
+            states[:, 1::2] = _differentiated(states[:, 0::2], world.dt, world)
         if system.vehicle and world.wrapped:
             states[:, 2] = wrap_angle(states[:, 2])
         t = world.clock_offsets[e] + world.dt * np.arange(count)
@@ -49,13 +49,6 @@ def even_recording(world: World, readings: FloatArray, truth: Run, kept: FloatAr
         noise=noise,
         held_out=held_out,
     )
-
-
-def _differentiated(positions: FloatArray, world: World) -> FloatArray:
-    """(K + 1, C) velocities as users make them of positions."""
-    if world.smoothing == "savgol":
-        return np.asarray(savgol_filter(positions, 7, 2, deriv=1, delta=world.dt, axis=0))
-    return np.asarray(np.gradient(positions, world.dt, axis=0))
 
 
 MOST_LATE = 0.4  # of a sample, that a stamp is off
@@ -90,7 +83,7 @@ def logged(world: World, rough: Rough, even: Recording) -> Logged:
         t = _stamps(episode.t, world, rough, rng)[there]
         states = states[there]
         if world.velocities == "differentiated":
-            states[:, 1::2] = _differentiated_by_stamps(states[:, 0::2], t, world)
+            states[:, 1::2] = _differentiated(states[:, 0::2], t, world)
         if "yaw" in names and world.wrapped:
             states[:, 2] = wrap_angle(states[:, 2])
         counts["repeated"] += int(stale[there].sum())
@@ -127,8 +120,8 @@ def _stamps(t: FloatArray, world: World, rough: Rough, rng: np.random.Generator)
     return np.asarray((1.0 + rough.drift) * t + late)
 
 
-def _differentiated_by_stamps(positions: FloatArray, t: FloatArray, world: World) -> FloatArray:
-    """(K + 1, C) velocities as users make them of such positions: over the stamps, or by a filter that trusts dt."""
+def _differentiated(positions: FloatArray, t: FloatArray | float, world: World) -> FloatArray:
+    """(K + 1, C) velocities as users make them of positions: over stamps or steps, or by a filter that trusts dt."""
     if world.smoothing == "savgol" and len(positions) > WINDOW:
         return np.asarray(savgol_filter(positions, WINDOW, ORDER, deriv=1, delta=world.dt, axis=0))
     return np.asarray(np.gradient(positions, t, axis=0))
