@@ -26,7 +26,7 @@ from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_o
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
 from gpsim.trials.robots import arms_places, layout_of
-from gpsim.trials.robots.arms import ARMS
+from gpsim.trials.robots.draws import ARMS
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FREE,

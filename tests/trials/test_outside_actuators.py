@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.trials.outside import actuators
 from gpsim.trials.truth.body import Body
-from gpsim.trials.truth.running import ActuatorChain
+from gpsim.trials.truth.running import ActuatorChain, frame_of
 from gpsim.trials.worlds import TrueEffect
 
 from .outside_worlds import H, acted, world_of
@@ -30,7 +30,7 @@ def test_in_an_outage_the_last_command_goes_on(clock):
     effect, steps = TrueEffect("lost_commands", "force", {"share": 0.25, "outage": 0.06, "phase": 2.0}), 600
     world = world_of("slider", [effect], steps=steps, clock=clock)
     commands = np.random.default_rng(0).normal(size=(steps, 4, 1))
-    chain, given = ActuatorChain("slider", [effect]), []
+    chain, given = ActuatorChain(frame_of(world_of("slider")), [effect]), []
     for i in range(steps * 20):
         t = world.clock_offsets + i // 20 * world.dt + i % 20 * 1e-3
         given.append(chain.act(commands[i // 20], np.zeros((4, 2)), t, 1e-3)[:, 0])
@@ -132,7 +132,10 @@ def test_thrusters_are_open_for_their_share_and_give_the_mean(u):
 
 def test_a_slider_under_pulses_gains_the_momentum_of_the_command_once_a_period():
     effect = TrueEffect("pulsed_thrusters", "force", {"full": 4.0, "period": 0.05})
-    chain, body = ActuatorChain("slider", [effect]), Body("slider", {"mass": 2.0}, [effect])
+    chain, body = (
+        ActuatorChain(frame_of(world_of("slider")), [effect]),
+        Body("slider", {"mass": 2.0}, [effect]),
+    )
     s, z, command = np.zeros((1, 2)), np.empty((1, 0)), np.array([[1.0]])
     speeds = [0.0]
     for i in range(1000):

@@ -28,7 +28,6 @@ from gpsim.trials.robots import (
     sound,
     spec_of,
     stratum_of,
-    texts,
     tilted,
 )
 from gpsim.trials.robots.draws import ALIKE
@@ -74,11 +73,11 @@ def small(monkeypatch):
 def moved(robot, effects, state, action, seconds):
     """States (N + 1, S) every fine step, and their times [s]."""
     plant = Plant(robot, effects)
-    plant.begin(1)
+    plant.begin(np.zeros((1, 2)))
     steps, row = round(seconds / plant.h), np.array([state], dtype=float)
     rows = [row[0]]
     for _ in range(steps):
-        row = plant.step(row, np.array([action], dtype=float))
+        row = plant.after(row, np.array([action], dtype=float))
         rows.append(row[0])
     return np.array(rows), plant.h * np.arange(steps + 1)
 
@@ -161,10 +160,10 @@ def test_the_truth_is_at_a_quarter_of_the_step_and_what_mujoco_integrates(robot)
     state[0::2] = robot_.rest[robot_.ways[0]]
     state[0] += 0.05
     action = np.full(len(layout.action), 0.05)
-    plant.begin(1)
+    plant.begin(np.zeros((1, 2)))
     row = state[None]
     for _ in range(round(0.1 / plant.h)):
-        row = plant.step(row, action[None])
+        row = plant.after(row, action[None])
     model.opt.timestep /= 20
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     data = mujoco.MjData(model)
@@ -208,10 +207,10 @@ def test_every_law_of_a_body_is_the_catalogues_though_written_twice(family, robo
     ends = []
     for effects in ((), (TrueEffect(family, on, values),)):
         plant = Plant(robot, effects, h)
-        plant.begin(1)
+        plant.begin(np.zeros((1, 2)))
         row = state[None]
         for _ in range(round(0.1 / h)):
-            row = plant.step(row, action[None])
+            row = plant.after(row, action[None])
         ends.append(row[0])
     bare, truth = ends
     steps = round(0.1 / h)
@@ -263,8 +262,8 @@ def test_the_same_trial_is_the_same_world_and_another_seed_is_another():
 @pytest.mark.parametrize("number", [1, 7, 12])
 def test_a_run_keeps_in_bounds_and_its_log_is_the_models(number):
     world = replace(draw_robot(7, ROBOTS_FROM + number), episodes=2, steps=80)
-    truth, free = run(world, world.effects)
-    kept = sound(world, truth.sampled, free)
+    truth = run(world, world.effects)
+    kept = sound(world, truth)
     assert (kept > 40).all()
     log = recorded(world, truth.measured, truth, kept)
     assert log.model == ROBOTS[world.system].file
@@ -282,14 +281,14 @@ def test_an_effect_that_is_absent_shows_and_one_of_no_size_does_not():
     world = draw_robot(7, ROBOTS_FROM + 1)
     effect = TrueEffect("actuator_gain", "elbow_cmd", {"gain": 1.2})
     world = replace(world, episodes=2, steps=120, effects=(effect,))
-    truth, _ = run(world, world.effects)
+    truth = run(world, world.effects)
     assert shown(world, truth, np.array([121, 121]))[0] > SHOWS
     nothing = replace(world, effects=(replace(effect, values={"gain": 1.0}),))
-    assert shown(nothing, run(nothing, nothing.effects)[0], np.array([121, 121]))[0] < 1e-6
+    assert shown(nothing, run(nothing, nothing.effects), np.array([121, 121]))[0] < 1e-6
 
 
 def test_a_package_that_is_missing_is_one_line(monkeypatch):
-    monkeypatch.setattr(texts.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(models.importlib.util, "find_spec", lambda name: None)
     models.files_of.cache_clear()
     with pytest.raises(UsageError, match=r"no package dm_control.*gpsim\[prove\]"):
         files_of("dm_acrobot")

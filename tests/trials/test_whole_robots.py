@@ -33,7 +33,7 @@ from gpsim.trials.robots import (
     step_of,
     whole,
 )
-from gpsim.trials.robots.asked import joint_torques, of_body
+from gpsim.trials.robots.whole import joint_torques, of_body
 from gpsim.trials.worlds import TrueEffect
 
 pytest.importorskip("mujoco")
@@ -109,10 +109,10 @@ def stepped(effects, seconds, h):
 @pytest.mark.parametrize(("effects", "near"), [(SMOOTH, 1e-7), ([*SMOOTH, DRY], 2e-4)])
 def test_two_codes_of_the_truth_move_alike(effects, near):
     plant, h = Plant("planar", effects), step_of("planar")
-    plant.begin(1)
+    plant.begin(np.zeros((1, 2)))
     row = STATE
     for _ in range(round(0.3 / plant.h)):
-        row = plant.step(row, ACTION)
+        row = plant.after(row, ACTION)
     bare = stepped((), 0.3, h)
     assert np.abs(row[0] - bare).max() > 0.05
     np.testing.assert_allclose(stepped(effects, 0.3, h), row[0], atol=near)
@@ -141,7 +141,7 @@ def test_late_commands_act_for_the_rest_of_a_sample():
 
 def test_halving_the_step_moves_less_than_the_noise(planar):
     world = replace(draw_whole(3, WHOLE_FROM + 1), episodes=2, steps=150)
-    first, second = (run_whole(world, h)[0].fine for h in (step_of("planar"), step_of("planar") / 2))
+    first, second = (run_whole(world, h).fine for h in (step_of("planar"), step_of("planar") / 2))
     assert np.abs(first - second)[..., 0::2].max() < min(world.noise[j] for j in ("shoulder", "elbow"))
 
 
@@ -149,8 +149,8 @@ def test_what_the_effects_ask_for_together_is_what_the_motors_gave(planar):
     """The torque worked out from the motion is that of the commands, which the true model was moved by."""
     world = draw_whole(3, WHOLE_FROM + 2)
     world = replace(world, effects=tuple(e for e in world.effects if e.family != "actuator_delay"))
-    truth, free = run_whole(world)
-    kept = sound(world, truth.sampled, free)
+    truth = run_whole(world)
+    kept = sound(world, truth)
     assert (kept == world.steps + 1).all()
     motion = motion_of(world, truth, kept)
     given = np.sqrt(np.mean(truth.commands**2, axis=(0, 1)))
@@ -169,7 +169,7 @@ def test_bodies_are_judged_by_the_torques_that_they_ask_for(planar):
     load = TrueEffect("payload", "lower", {"mass": 0.2, "x": 0.01, "y": 0.0, "z": -0.11})
     alike = replace(world, effects=(mass,))
     assert bodies_off(alike, [load]) < 1e-6
-    motion = motion_of(world, run_whole(world)[0], np.array([101]))
+    motion = motion_of(world, run_whole(world), np.array([101]))
     assert np.abs(body_torques("planar", [mass], motion)).max() > 0.05
 
 

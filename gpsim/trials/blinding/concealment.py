@@ -189,7 +189,7 @@ def _errors(world: World, steps: OneStep) -> dict[str, dict[str, float]]:
 def _shortened(truth: Run, kept: FloatArray) -> Run:
     """The run as far as every episode that was kept lasted."""
     count, rows = int(kept[kept > 0].min()), kept > 0
-    samples = {name: getattr(truth, name)[:count, rows] for name in ("clean", "measured", "hidden")}
+    samples = {name: getattr(truth, name)[:count, rows] for name in ("clean", "measured", "hidden", "free")}
     return replace(
         truth,
         fine=truth.fine[: (count - 1) * truth.per_sample + 1, rows],

@@ -39,10 +39,9 @@ class _Kept(NamedTuple):
     clean: Recording
 
 
-def _kept(world: World, ran: tuple[Run, FloatArray], fewest: int, shortest: int) -> _Kept | None:
-    """None where too little survives; ran: and how long nothing touched."""
-    truth, free = ran
-    samples = long_enough(sound(world, truth.sampled, free), shortest, fewest)
+def _kept(world: World, truth: Run, fewest: int, shortest: int) -> _Kept | None:
+    """None where too little survives."""
+    samples = long_enough(sound(world, truth), shortest, fewest)
     if samples is None:
         return None
     recording, clean = (recorded(world, read, truth, samples) for read in (truth.measured, truth.clean))

@@ -60,7 +60,7 @@ TWIST: Mapping[
 """What becomes of a vehicle's twist; several act in this order."""
 
 
-SENSORS = ("marker_offset", "frame_rotation", "sensor_scale", "sensor_bias", "sensor_delay")
+SENSORS = ("marker_offset", "frame_rotation", "sensor_scale", "sensor_bias", "joint_offset", "sensor_delay")
 """Several act in this order, a delay before all others."""
 
 
@@ -73,7 +73,7 @@ def read(effect: TrueEffect, names: tuple[str, ...], now: FloatArray) -> None:
         now[:, 1] += k["forward"] * sin + k["left"] * cos
     elif effect.family == "frame_rotation":
         now[:, 2] += k["angle"]
-    elif effect.family == "sensor_bias":
+    elif effect.family in ("sensor_bias", "joint_offset"):
         now[:, names.index(effect.on)] += k["offset"]
     elif effect.family == "sensor_scale":
         now[:, names.index(effect.on)] *= k["scale"]

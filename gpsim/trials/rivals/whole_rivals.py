@@ -71,8 +71,8 @@ def _rollouts(
 
 def bodies_off(world: World, said: Sequence[TrueEffect]) -> float:
     """How far the torques are off that the bodies ask for: 0 where nothing is missing, 1 where nothing was said."""
-    truth, free = run_whole(world)
-    motion = motion_of(world, truth, np.asarray(sound(world, truth.sampled, free)))
+    truth = run_whole(world)
+    motion = motion_of(world, truth, np.asarray(sound(world, truth)))
     scale = np.maximum(joint_torques(world, motion), 1e-12)
     wanted, found = (body_torques(world.system, effects, motion) / scale for effects in (world.effects, said))
     return float(np.sqrt(((found - wanted) ** 2).sum() / max(float((wanted**2).sum()), 1e-300)))

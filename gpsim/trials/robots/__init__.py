@@ -6,11 +6,11 @@ draws a whole robot, which may be any of `WHOLE`; `run_whole` drives it, `Steppe
 what each effect asks of its joint.
 """
 
-from gpsim.trials.robots.arms import arms_places, draw_arm
-from gpsim.trials.robots.asked import ROWS, body_torques, joint_torques, motion_of, of_body, shares_of
 from gpsim.trials.robots.draws import (
     ROBOTS_FROM,
     STRENGTHS,
+    arms_places,
+    draw_arm,
     draw_robot,
     places_of,
     planned,
@@ -18,12 +18,21 @@ from gpsim.trials.robots.draws import (
     stratum_of,
 )
 from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.models import ROBOTS, WHOLE, Layout, files_of, layout_of, robot_of, spec_of
+from gpsim.trials.robots.models import ROBOTS, WHOLE, Files, Layout, files_of, layout_of, robot_of, spec_of
 from gpsim.trials.robots.plant import Plant, tilted
-from gpsim.trials.robots.running import SHOWS, recorded, run, shown
-from gpsim.trials.robots.stepped import Stepped, run_whole, step_of
-from gpsim.trials.robots.texts import Files
-from gpsim.trials.robots.whole import WHOLE_FROM, dealt, draw_whole, whole_rank
+from gpsim.trials.robots.running import SHOWS, Stepped, recorded, run, run_whole, shown, step_of
+from gpsim.trials.robots.whole import (
+    ROWS,
+    WHOLE_FROM,
+    body_torques,
+    dealt,
+    draw_whole,
+    joint_torques,
+    motion_of,
+    of_body,
+    shares_of,
+    whole_rank,
+)
 
 __all__ = [
     "ROBOTS",

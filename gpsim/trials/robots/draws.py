@@ -1,4 +1,4 @@
-"""How strong an effect on a robot is: what the catalogue draws, and what only models of bodies know."""
+"""Drawing robots with one or two effects, and arms as machines: which world a number is, and how strong effects are."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.trials import catalogue
 from gpsim.trials.robots.driving import SIGNALS
-from gpsim.trials.robots.models import ROBOTS, Robot, layout_of, mujoco, spec_of
+from gpsim.trials.robots.models import ROBOTS, Robot, layout_of, spec_of
 from gpsim.trials.robots.running import run
-from gpsim.trials.worlds import Dial, Scales, Stratum, TrueEffect, World, rounded
+from gpsim.trials.truth import mujoco
+from gpsim.trials.worlds import Dial, Machine, Scales, Session, Stratum, TrueEffect, World, rounded
 
 Draw = Callable[[Scales, str, Dial], dict[str, float]]
 """draw(scales, on, dial) -> parameters."""
@@ -171,8 +172,7 @@ def stratum_of(rank: int) -> tuple[Stratum, int]:
 def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
     """The world of a trial; `attempt` counts worlds that could not be run, or in which an effect did not show."""
     world, effects, rng = planned(seed, number, attempt)
-    pilot, _ = run(world, ())
-    scales = RobotScales(world, pilot)
+    scales = RobotScales(world, run(world, ()))
     # What did not show is drawn stronger.
     dials = [Dial(rng, float(rng.uniform(min(0.15 * attempt, 0.6), 1.0))) for _ in effects]
     made = tuple(
@@ -266,3 +266,40 @@ def bare_world(
         noise_known=bool(rng.random() < 0.5), velocities="measured" if rng.random() < 0.5 else None, smoothing="",
         wrapped=False, held_out=None,
     )  # fmt: skip
+
+
+# Arms as whole machines: friction of several joints, a payload, armature, a late command. Sizes are from the upper half
+# of the dials: friction of 15 to 50 % of the torque that moves a joint, as drives with harmonic or cycloidal gears have
+# it (Bittencourt and Gunnarsson 2012).
+ARMS = ("arm", "ur5")
+DRY, VISCOUS = (2, 3), (1, 2)  # on how many joints
+SOMETIMES = {"armature": 0.5, "actuator_delay": 0.7}  # how often each besides
+PLAIN = (0.5, 1.0)  # of the dial
+
+
+def draw_arm(seed: int, number: int, attempt: int = 0) -> World:
+    """The world of an arm; `attempt` counts worlds that could not be run, or of which too little shows."""
+    turn = np.random.default_rng([seed, number, 5])  # the same in every attempt
+    robot = ROBOTS[str(turn.choice(ARMS))]
+    rng = np.random.default_rng([seed, number, attempt, 0])
+    places = arms_places(robot.name, rng)
+    world = bare_world(seed, number, attempt, "machines", robot, places, rng)
+    only = Session(world.excitation, world.posture, world.episodes, world.steps)
+    world = replace(world, machine=Machine("arm", world.velocities is None, (only,)))
+    scales = RobotScales(world, run(world, ()))
+    made = tuple(
+        TrueEffect(family, on, STRENGTHS[family](scales, on, Dial(rng, float(rng.uniform(*PLAIN)))))
+        for family, on in places
+    )
+    return replace(world, effects=made)
+
+
+def arms_places(name: str, rng: np.random.Generator) -> list[tuple[str, str]]:
+    """Families and what they act on, four to seven."""
+    joints = layout_of(name).joints
+    dry, viscous = (
+        rng.choice(joints, rng.integers(low, high + 1), replace=False) for low, high in (DRY, VISCOUS)
+    )
+    out = [("coulomb_friction", str(j)) for j in dry] + [("viscous_friction", str(j)) for j in viscous]
+    others = ["payload", *(family for family, chance in SOMETIMES.items() if rng.random() < chance)]
+    return out + [(family, str(rng.choice(places_of(family, ROBOTS[name])))) for family in others]

@@ -10,9 +10,10 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from gpsim.channels import FloatArray
-from gpsim.trials.robots.models import Layout, Way, layout_of, mujoco, robot_of, spec_of
+from gpsim.trials.robots.models import Layout, Way, layout_of, robot_of, spec_of
 from gpsim.trials.robots.plant import Plant
-from gpsim.trials.worlds import World
+from gpsim.trials.truth import mujoco
+from gpsim.trials.worlds import Run, World
 
 SIGNALS = ("sines", "prbs")
 SLOWEST, FASTEST = 0.15, 2.0  # Hz, of the sines
@@ -71,12 +72,8 @@ def starts(world: World) -> FloatArray:
 
 def drive(world: World) -> Driving:
     """The world's excitation."""
-    rng, robot, way, layout = (
-        world.generator(1),
-        robot_of(world.system),
-        way_of(world),
-        layout_of(world.system),
-    )
+    rng, way = world.generator(1), way_of(world)
+    robot, layout = robot_of(world.system), layout_of(world.system)
     if world.excitation == "fourier":
         return _fourier(world, rng)
     model = spec_of(world.system).compile()
@@ -176,14 +173,11 @@ def bare_torques(model: Any, q: FloatArray, v: FloatArray, a: FloatArray) -> Flo
     return out.reshape(q.shape)
 
 
-def sound(world: World, true: FloatArray, free: FloatArray) -> FloatArray:
-    """(E,) samples that an operator would keep: until a joint ran away, met its limit, or something touched.
-
-    true: (K + 1, E, S), free: (K + 1, E) 0 from where something touched.
-    """
-    robot, way = robot_of(world.system), way_of(world)
+def sound(world: World, truth: Run) -> FloatArray:
+    """(E,) samples that an operator would keep: until a joint ran away, met its limit, or something touched."""
+    robot, way, true = robot_of(world.system), way_of(world), truth.sampled
     away = np.abs(true[..., 0::2] - np.array(robot.rest[way]))
-    bad = ~np.isfinite(true).all(axis=2) | (np.abs(true[..., 1::2]) > WILD).any(axis=2) | (free == 0)
+    bad = ~np.isfinite(true).all(axis=2) | (np.abs(true[..., 1::2]) > WILD).any(axis=2) | (truth.free == 0)
     if way == "balance":
         bad |= (away[..., 1:] > FALLEN).any(axis=2)
     elif way in ("servo", "torque"):
@@ -220,10 +214,10 @@ def balancing(robot: str, dt: float) -> FloatArray:
     width, actions, nudge = len(rest), len(layout.action), 1e-4
 
     def after(state: FloatArray, action: FloatArray) -> FloatArray:
-        plant.begin(1)
         row = state[None]
+        plant.begin(row)
         for _ in range(round(dt / plant.h)):
-            row = plant.step(row, action[None])
+            row = plant.after(row, action[None])
         return np.asarray(row[0])
 
     none = np.zeros(actions)

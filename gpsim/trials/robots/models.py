@@ -6,26 +6,23 @@ and change no motion: mass and inertia stand beside them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import importlib.metadata
+import importlib.util
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.trials.robots.texts import (
-    ARM,
-    LEG,
-    PLANAR,
-    UR5E,
-    Files,
-    of_gymnasium,
-    of_robot_data,
-    of_suite,
-)
+from gpsim.trials.truth import mujoco
 from gpsim.trials.worlds import rounded
 
+Files = Mapping[str, str]
+"""Name beside the recording -> text."""
 Way = Literal["balance", "swing", "servo", "torque"]
 """How it is kept in bounds: a pole upright, a weak centring, its own servos, a controller with gravity feed-forward."""
 
@@ -66,6 +63,68 @@ class Robot:
     tilts: bool = False
 
 
+def of_own(name: str, called: str = "") -> Files:
+    """A model that lies beside this file."""
+    return {called or f"{name}.xml": _text(Path(__file__).with_name(f"{name}.xml"))}
+
+
+def of_gymnasium(name: str) -> Files:
+    """A model of Gymnasium's environments."""
+    return {name: _text(_package("gymnasium") / "envs" / "mujoco" / "assets" / name)}
+
+
+def of_suite(name: str) -> Files:
+    """A model of dm_control's suite, and the three files that it includes."""
+    suite = _package("dm_control") / "suite"
+    shared = (f"common/{part}.xml" for part in ("skybox", "visual", "materials"))
+    return {file: _text(suite / file) for file in (name, *shared)}
+
+
+def of_robot_data(path: str, stiff: Sequence[str] = (), dynamics: bool = True) -> Files:
+    """A URDF of example-robot-data without its meshes.
+
+    stiff: joints of a gripper, which is held still; dynamics: whether guesses of friction stay in it.
+    """
+    try:
+        found = importlib.metadata.distribution("example-robot-data")
+    except importlib.metadata.PackageNotFoundError:
+        raise _missing("example-robot-data") from None
+    where = Path(str(found.locate_file(f"cmeel.prefix/share/example-robot-data/robots/{path}")))
+    root = ElementTree.fromstring(_text(where))
+    for link in root.iter("link"):
+        for part in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(part)
+    for joint in root.iter("joint"):
+        held = joint.get("name") in stiff
+        if held:
+            joint.set("type", "fixed")
+        names = [*(() if dynamics else ("dynamics",)), *(("limit", "mimic", "axis") if held else ())]
+        for part in [part for name in names for part in joint.findall(name)]:
+            joint.remove(part)
+    return {Path(path).name: ElementTree.tostring(root, encoding="unicode") + "\n"}
+
+
+def _package(name: str) -> Path:
+    """The folder of an installed package; raises UsageError. The package is not imported."""
+    found = importlib.util.find_spec(name)
+    if found is None or not found.submodule_search_locations:
+        raise _missing(name)
+    return Path(found.submodule_search_locations[0])
+
+
+def _missing(name: str) -> UsageError:
+    return UsageError(
+        f"prove --system mjcf: no package {name}, whose models it takes; install it with: pip install 'gpsim[prove]'"
+    )
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}; install it anew: pip install 'gpsim[prove]'") from error
+
+
 UPRIGHT, HANGING = (0.0, 0.0, 0.0), (0.0, 3.141592653589793, 0.0)
 ROBOTS: Mapping[str, Robot] = {
     robot.name: robot
@@ -93,7 +152,7 @@ ROBOTS: Mapping[str, Robot] = {
             drives=Drives((0.05, 0.03), 6.0),
         ),
         Robot(
-            "arm", "robot.xml", lambda: {"robot.xml": ARM}, ("servo",), (0.008, 0.012, 0.02),
+            "arm", "robot.xml", lambda: of_own("arm", "robot.xml"), ("servo",), (0.008, 0.012, 0.02),
             {"servo": (0.0, 0.4, 0.5, 0.2)}, (0.4, 0.3, 0.3, 0.4), (0.9, 0.6, 0.7, 0.9),
             masses=("upper", "fore", "hand"), carriers=("fore", "hand"),
             zeros=("shoulder", "elbow", "wrist"), drives=Drives((40.0, 60.0, 25.0, 4.0)), tilts=True,
@@ -123,7 +182,7 @@ OTHERS: Mapping[str, Robot] = {
             carriers=("panda_link7",), zeros=(), drives=Drives((87.0,) * 4 + (12.0,) * 3, 2.4), tilts=True,
         ),
         Robot(
-            "ur5e", "ur5e.xml", lambda: {"ur5e.xml": UR5E}, ("torque",), (0.01,),
+            "ur5e", "ur5e.xml", lambda: of_own("ur5e"), ("torque",), (0.01,),
             {"torque": (0.0, -1.0, 1.2, -0.5, 0.9, 0.0)}, (0.2,) * 6, (0.9, 0.5, 0.6, 0.9, 0.9, 1.2),
             masses=("upper_arm", "forearm", "wrist_2"), carriers=("wrist_3",), zeros=(),
             drives=Drives((150.0,) * 3 + (28.0,) * 3), tilts=True,
@@ -142,12 +201,12 @@ OTHERS: Mapping[str, Robot] = {
             drives=Drives((50.0, 50.0, 30.0, 30.0, 30.0, 20.0, 20.0)), tilts=True,
         ),
         Robot(
-            "planar", "planar.xml", lambda: {"planar.xml": PLANAR}, ("torque",), (0.005, 0.01),
+            "planar", "planar.xml", lambda: of_own("planar"), ("torque",), (0.005, 0.01),
             {"torque": (0.3, -0.4)}, (0.4, 0.4), (1.2, 1.3), masses=("upper", "lower"), carriers=("lower",),
             zeros=(), drives=Drives((12.0, 5.0), 6.0),
         ),
         Robot(
-            "leg", "leg.xml", lambda: {"leg.xml": LEG}, ("torque",), (0.005, 0.01),
+            "leg", "leg.xml", lambda: of_own("leg"), ("torque",), (0.005, 0.01),
             {"torque": (0.0, 0.8, -1.6)}, (0.2, 0.2, 0.2), (0.5, 0.7, 0.6), masses=("thigh", "calf"),
             carriers=("calf",), zeros=(), drives=Drives((23.7, 23.7, 45.4), 12.0, (1500.0, 8000.0)),
         ),
@@ -207,17 +266,6 @@ def _actuated(text: str, drives: Drives, servos: bool) -> str:
         made.ctrllimited, made.ctrlrange = True, model.jnt_range[i]
     spec.compile()
     return str(spec.to_xml())
-
-
-def mujoco() -> Any:
-    """The package; raises UsageError where it is not installed."""
-    try:
-        import mujoco as found
-    except ImportError as error:
-        raise UsageError(
-            "a concealed world needs MuJoCo; install it with: pip install 'gpsim[prove]'"
-        ) from error
-    return found
 
 
 def spec_of(name: str) -> Any:

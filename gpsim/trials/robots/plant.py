@@ -15,7 +15,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials import catalogue
-from gpsim.trials.robots.models import layout_of, mujoco, spec_of
+from gpsim.trials.robots.models import layout_of, spec_of
+from gpsim.trials.truth import Moving, mujoco
 from gpsim.trials.worlds import TrueEffect, Values
 
 QUARTER, LONGEST = 4, 0.002
@@ -26,22 +27,22 @@ TINY = 1e-9  # kg m^2 of a payload that is a point
 HOLDING = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of friction that does not creep
 
 
-class Plant:
+def touch_free(data: Sequence[Any]) -> FloatArray:
+    """(E,) 1 where nothing touches and no joint is at its limit, as seen in the last step of each of MuJoCo's data."""
+    stop = int(mujoco().mjtConstraint.mjCNSTR_LIMIT_JOINT)
+    return np.array([float(d.ncon == 0 and not np.any(d.efc_type == stop)) for d in data])
+
+
+class Plant(Moving):
     """One robot with some effects; steps any number of episodes, each with MuJoCo's data of its own. h: s, its step."""
 
     def __init__(self, robot: str, effects: Sequence[TrueEffect], h: float | None = None) -> None:
         self._mj, layout = mujoco(), layout_of(robot)
-        self.model, self._joints = changed_model(robot, effects), layout.joints
-        self._smooth = [
-            (self._joints.index(e.on), catalogue.SMOOTH[e.family], e.values)
-            for e in effects
-            if e.family in catalogue.SMOOTH
-        ]
-        self._grips = [
-            (self._joints.index(e.on), catalogue.GRIP[e.family], e.values)
-            for e in effects
-            if e.family in catalogue.GRIP
-        ]
+        self.model = changed_model(robot, effects)
+        self._smooth, self._grips = (
+            [(layout.joints.index(e.on), laws[e.family], e.values) for e in effects if e.family in laws]
+            for laws in (catalogue.SMOOTH, catalogue.GRIP)
+        )
         own = float(self.model.opt.timestep)
         self.h = h or own / (QUARTER * ceil(own / QUARTER / LONGEST) * (FRICTION if self._grips else 1))
         for j in {j for j, _, _ in self._grips}:
@@ -58,11 +59,18 @@ class Plant:
         ]
         self._data: list[Any] = []
 
-    def begin(self, count: int) -> None:
-        """Forget what was; `count` episodes begin."""
-        self._data = [self._mj.MjData(self.model) for _ in range(count)]
+    def begin(self, s: FloatArray) -> FloatArray:
+        """Forget what was; an episode a state begins."""
+        self._data = [self._mj.MjData(self.model) for _ in s]
+        return np.empty((len(s), 0))
 
-    def step(self, state: FloatArray, acting: FloatArray) -> FloatArray:
+    def step(
+        self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Its step is its own, whatever h says."""
+        return self.after(s, u), z
+
+    def after(self, state: FloatArray, acting: FloatArray) -> FloatArray:
         """(E, S) states after a fine step with acting (E, A); columns are joint, its velocity, the next joint."""
         out = np.empty_like(state)
         for i, data in enumerate(self._data):
@@ -71,10 +79,7 @@ class Plant:
 
     def free(self) -> FloatArray:
         """(E,) 1 where nothing touches and no joint is at its limit, as seen in the last step."""
-        stop = int(self._mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
-        return np.array(
-            [d.ncon == 0 and not np.any(d.efc_type == stop) for d in self._data], dtype=np.float64
-        )
+        return touch_free(self._data)
 
     def acceleration(self, data: Any, q: FloatArray, v: FloatArray, u: FloatArray) -> FloatArray:
         """(C,) joint accelerations at positions q and velocities v (C,), u (A,) acting."""
@@ -112,9 +117,7 @@ def changed_model(robot: str, effects: Sequence[TrueEffect]) -> Any:
     """The compiled model with every effect in it that is one of its bodies, its gravity or its servos."""
     mj, spec, layout = mujoco(), spec_of(robot), layout_of(robot)
     off, flags = mj.mjtDisableBit, int(spec.option.disableflags)
-    if flags & int(
-        off.mjDSBL_CONSTRAINT
-    ):  # nothing touches in this model, but a real joint may rub all the same
+    if flags & int(off.mjDSBL_CONSTRAINT):  # nothing touches in it, but a real joint may rub all the same
         others = int(off.mjDSBL_EQUALITY) | int(off.mjDSBL_LIMIT) | int(off.mjDSBL_CONTACT)
         spec.option.disableflags = flags & ~int(off.mjDSBL_CONSTRAINT) | others
     for e in (e for e in effects if e.family == "payload"):

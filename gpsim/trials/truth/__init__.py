@@ -4,19 +4,24 @@ Command, actuators, body, sensors, noise. Nothing here, nor what it imports, is 
 or `gpsim.diagnosis`.
 """
 
+from gpsim.trials.truth.body import Moving, mujoco, native
 from gpsim.trials.truth.curves import true_curve
-from gpsim.trials.truth.mujoco_body import native
-from gpsim.trials.truth.replay import OneStep, one_step
-from gpsim.trials.truth.running import run
-from gpsim.trials.truth.shares import MainShare, Shares, Visibility, visibilities
+from gpsim.trials.truth.replay import OneStep, Replay, one_step, picked
+from gpsim.trials.truth.running import Frame, driven, noise_of, run
+from gpsim.trials.truth.shares import Shares, visibilities
 
 __all__ = [
-    "MainShare",
+    "Frame",
+    "Moving",
     "OneStep",
+    "Replay",
     "Shares",
-    "Visibility",
+    "driven",
+    "mujoco",
     "native",
+    "noise_of",
     "one_step",
+    "picked",
     "run",
     "true_curve",
     "visibilities",

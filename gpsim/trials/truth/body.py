@@ -1,19 +1,43 @@
-"""The truth of a vehicle in the plane: its twist, changed by effects, integrated by Runge-Kutta steps."""
+"""What truly moves: a vehicle by its twist, a mechanical system by its forces, or the same by MuJoCo.
+
+MuJoCo is an independent second source of truth: equations, friction (`frictionloss`, a constraint) and integration are
+its own; joint friction, damping and springs are MuJoCo's, too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
 from gpsim.trials import catalogue, outside
 from gpsim.trials.worlds import SYSTEMS, TrueEffect, dynamics, load_on_track
 
 TWISTS, HIDDEN_TWISTS = outside.at_site(outside.Twist), outside.at_site(outside.HiddenTwist)
 
 
-class Vehicle:
+class Moving:
+    """What moves: states s (B, S) and hidden states z (B, H) of a batch."""
+
+    def begin(self, s: FloatArray) -> FloatArray:
+        """(B, H) hidden states at the start."""
+        return np.empty((len(s), 0))
+
+    def step(
+        self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """State and hidden state after h s with u (B, A) acting; t, wall: (B,) s of both clocks."""
+        raise NotImplementedError
+
+    def free(self) -> FloatArray | float:
+        """(B,) 1 where it has met nothing in the last step."""
+        return 1.0
+
+
+class Vehicle(Moving):
     """Steps a batch of unicycles: state (x, y, yaw), action (v, w)."""
 
     def __init__(self, effects: Sequence[TrueEffect]) -> None:
@@ -23,14 +47,13 @@ class Vehicle:
         self._hidden = [HIDDEN_TWISTS[e.family](e.values) for e in effects if e.family in HIDDEN_TWISTS]
 
     def begin(self, s: FloatArray) -> FloatArray:
-        """(B, H) hidden states at the start."""
-        parts = [law.begin(s) for law in self._hidden]
-        return np.hstack(parts) if parts else np.empty((len(s), 0))
+        """Those of what acts on its twist."""
+        return np.hstack([np.empty((len(s), 0)), *(law.begin(s) for law in self._hidden)])
 
     def step(
         self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
     ) -> tuple[FloatArray, FloatArray]:
-        """State and hidden state after h s with u (B, 2) acting."""
+        """By a Runge-Kutta step."""
         width = s.shape[1]
         y = np.hstack([s, z]) if z.shape[1] else s
         k1 = self._slope(y, u, t)
@@ -67,7 +90,19 @@ INERTIAS, HIDDEN = outside.at_site(outside.Inertia), outside.at_site(outside.Hid
 STILL = 1e-12  # below this a velocity is rounding
 
 
-class Body:
+class Now(NamedTuple):
+    """What acts (B, A), and what both clocks say (B,)."""
+
+    u: FloatArray
+    t: FloatArray
+    wall: FloatArray
+
+    def later(self, late: FloatArray | float) -> Now:
+        """So many s later."""
+        return Now(self.u, self.t + late, self.wall + late)
+
+
+class Body(Moving):
     """Steps a batch of a mechanical system with its effects. Hidden states live in `hidden`, (B, 2) an effect.
 
     Those of kinds outside the catalogue come first, then those of its bristles.
@@ -80,9 +115,8 @@ class Body:
         self._smooth = [(e, index[e.on]) for e in effects if e.family in catalogue.SMOOTH]
         self._outside = [(FORCES[e.family](e.values), index[e.on]) for e in effects if e.family in FORCES]
         self._coupled = [COUPLED[e.family](e.values) for e in effects if e.family in COUPLED]
-        self._inertias = [
-            (INERTIAS[e.family](e.values), index[e.on]) for e in effects if e.family in INERTIAS
-        ]
+        uneven = (e for e in effects if e.family in INERTIAS)
+        self._inertias = [(INERTIAS[e.family](e.values), index[e.on]) for e in uneven]
         self._hidden = [(HIDDEN[e.family](e.values), index[e.on]) for e in effects if e.family in HIDDEN]
         self._bristles = [(e, index[e.on]) for e in effects if e.family in catalogue.BRISTLES]
         self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
@@ -90,17 +124,18 @@ class Body:
         self._loaded = any("coefficient" in e.values for e, _ in self._dry)
 
     def begin(self, s: FloatArray) -> FloatArray:
-        """(B, 2 H) hidden states at the start."""
+        """Two of every force that has some."""
         parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
         parts += [np.zeros((len(s), 2)) for _ in self._bristles]
-        return np.hstack(parts) if parts else np.empty((len(s), 0))
+        return np.hstack([np.empty((len(s), 0)), *parts])
 
     def step(
         self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
     ) -> tuple[FloatArray, FloatArray]:
-        """State and hidden state after h s with u (B, A) acting."""
+        """By a Runge-Kutta step, two where friction stops a body within it."""
         direction = np.sign(s[:, 1::2])
-        new, hidden = self._runge_kutta(s, z, u, t, wall, np.full(len(s), h), direction)
+        now = Now(u, t, wall)
+        new, hidden = self._runge_kutta(s, z, now, np.full(len(s), h), direction)
         for c in self._dry_columns:
             column = 2 * c + 1
             turned = (direction[:, c] != 0) & (new[:, column] * direction[:, c] < 0)
@@ -108,30 +143,22 @@ class Body:
             if rows.size:
                 share = s[rows, column] / (s[rows, column] - new[rows, column])
                 still = np.sign(s[rows, 1::2])
-                a, b = self._runge_kutta(s[rows], z[rows], u[rows], t[rows], wall[rows], share * h, still)
+                part, late = Now(u[rows], t[rows], wall[rows]), share * h
+                a, b = self._runge_kutta(s[rows], z[rows], part, late, still)
                 a[:, column], still[:, c] = 0.0, 0.0
-                late, rest = share * h, (1.0 - share) * h
-                new[rows], hidden[rows] = self._runge_kutta(
-                    a, b, u[rows], t[rows] + late, wall[rows] + late, rest, still
-                )
+                rest = (1.0 - share) * h
+                new[rows], hidden[rows] = self._runge_kutta(a, b, part.later(late), rest, still)
             new[np.abs(new[:, column]) < STILL, column] = 0.0
         return new, hidden
 
     def _runge_kutta(
-        self,
-        s: FloatArray,
-        z: FloatArray,
-        u: FloatArray,
-        t: FloatArray,
-        wall: FloatArray,
-        h: FloatArray,
-        direction: FloatArray,
+        self, s: FloatArray, z: FloatArray, now: Now, h: FloatArray, direction: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         half, width = h / 2, s.shape[1]
         y = np.hstack([s, z]) if z.shape[1] else s
 
         def slope(at: FloatArray, late: FloatArray | float) -> FloatArray:
-            return self._slope(at[:, :width], at[:, width:], u, t + late, wall + late, direction)
+            return self._slope(at[:, :width], at[:, width:], now.later(late), direction)
 
         k1 = slope(y, 0.0)
         k2 = slope(y + half[:, None] * k1, half)
@@ -140,26 +167,18 @@ class Body:
         y = y + (h / 6)[:, None] * (k1 + 2 * (k2 + k3) + k4)
         return y[:, :width].copy(), y[:, width:].copy()
 
-    def _slope(
-        self,
-        s: FloatArray,
-        z: FloatArray,
-        u: FloatArray,
-        t: FloatArray,
-        wall: FloatArray,
-        direction: FloatArray,
-    ) -> FloatArray:
-        names, p = self._system.names, self._actual(s, t)
-        inverse, force = dynamics(self._system.name, p, s, u)
+    def _slope(self, s: FloatArray, z: FloatArray, now: Now, direction: FloatArray) -> FloatArray:
+        names, p = self._system.names, self._actual(s, now.t)
+        inverse, force = dynamics(self._system.name, p, s, now.u)
         for uneven, c in self._inertias:
             extra, slope = uneven.inertia(s[:, 2 * c])
             inverse = with_inertia(inverse, c, extra)
             force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
         for effect, c in self._smooth:
             push = catalogue.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
-            force[:, c] += push * effect.acts(s, t, names) if effect.gated else push
+            force[:, c] += push * effect.acts(s, now.t, names) if effect.gated else push
         for law, c in self._outside:
-            force[:, c] += law.force(s[:, 2 * c], s[:, 2 * c + 1], wall)
+            force[:, c] += law.force(s[:, 2 * c], s[:, 2 * c + 1], now.wall)
         for both in self._coupled:
             force += both.forces(s)
         drift = []
@@ -176,7 +195,7 @@ class Body:
             drift.append(np.stack([rate, np.zeros_like(rate)], axis=1))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
         if self._dry:
-            acceleration = self._with_friction(acceleration, inverse, p, s, u, t, direction)
+            acceleration = self._with_friction(acceleration, inverse, p, s, now, direction)
         out = np.empty((len(s), s.shape[1] + z.shape[1]))
         out[:, 0 : s.shape[1] : 2], out[:, 1 : s.shape[1] : 2] = s[:, 1::2], acceleration
         if drift:
@@ -198,20 +217,18 @@ class Body:
         inverse: FloatArray,
         p: Mapping[str, float | FloatArray],
         s: FloatArray,
-        u: FloatArray,
-        t: FloatArray,
+        now: Now,
         direction: FloatArray,
     ) -> FloatArray:
         """Accelerations (B, C) with dry friction; direction (B, C): of motion, 0 holds still what can be held."""
         friction = np.zeros_like(free)
         rounds = 1 if len(self._dry_columns) == 1 and not self._loaded else 4
         total = free
-        for _ in range(
-            rounds
-        ):  # friction, load and the other coordinate's friction depend a little on each other
+        # Friction, load and the other coordinate's friction depend a little on each other.
+        for _ in range(rounds):
             for c in self._dry_columns:
                 load = load_on_track(p, s, total) if self._loaded else np.zeros(len(s))
-                most = self._grip(c, s, t, load, u)
+                most = self._grip(c, s, now, load)
                 mobility = inverse[:, c, c]
                 others = total[:, c] - mobility * friction[:, c]
                 hold = np.maximum(np.minimum(-others / mobility, most), -most)
@@ -220,16 +237,14 @@ class Body:
                 friction[:, c] = new
         return total
 
-    def _grip(
-        self, coordinate: int, s: FloatArray, t: FloatArray, load: FloatArray, u: FloatArray
-    ) -> FloatArray:
+    def _grip(self, coordinate: int, s: FloatArray, now: Now, load: FloatArray) -> FloatArray:
         most = np.zeros(len(s))
         for effect, c in self._dry:
             if c == coordinate:
                 word = catalogue.WORDS.get(effect.family)
-                presses = np.abs(u[:, 0]) if word and word.by_command else load
+                presses = np.abs(now.u[:, 0]) if word and word.by_command else load
                 force = catalogue.GRIP[effect.family](effect.values, s[:, 2 * c + 1], presses)
-                most += force * effect.acts(s, t, self._system.names) if effect.gated else force
+                most += force * effect.acts(s, now.t, self._system.names) if effect.gated else force
         return most
 
 
@@ -238,3 +253,99 @@ def with_inertia(inverse: FloatArray, coordinate: int, extra: FloatArray) -> Flo
     column, row = inverse[:, :, coordinate], inverse[:, coordinate, :]
     share = extra / (1.0 + extra * inverse[:, coordinate, coordinate])
     return np.asarray(inverse - share[:, None, None] * column[:, :, None] * row[:, None, :])
+
+
+NATIVE = ("coulomb_friction", "viscous_friction", "spring", "constant_force", "parameter_offset")
+"""Families of the body that MuJoCo has itself; those of actuators and sensors act outside of it."""
+FRICTION = 'solreffriction="-1 -{stop}" solimpfriction="0.9999 0.9999 0.001 0.5 2"'
+"""A body that friction can hold stops within a step: the constraint takes its speed away at the rate 2 / h."""
+MODEL = """
+<mujoco>
+  <compiler angle="radian" inertiafromgeom="false" autolimits="true"/>
+  <option timestep="{h}" integrator="RK4" gravity="0 0 -{gravity}" iterations="200" tolerance="1e-14">
+    <flag contact="disable"/>
+  </option>
+  <worldbody>{bodies}</worldbody>
+  <actuator><motor joint="{first}" gear="1"/></actuator>
+</mujoco>
+"""
+CART = """
+<body><inertial pos="0 0 0" mass="{cart_mass}" diaginertia="1 1 1"/>
+  <joint name="x" type="slide" axis="1 0 0" {x}/>
+  <body><inertial pos="0 0 {pole_half_length}" mass="{pole_mass}" diaginertia="{rod} {rod} {thin}"/>
+    <joint name="theta" type="hinge" axis="0 1 0" {theta}/></body></body>
+"""
+SLIDER = """
+<body><inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/><joint name="q" type="slide" axis="1 0 0" {q}/></body>
+"""
+PENDULUM = """
+<body><inertial pos="0 0 -{length}" mass="{mass}" diaginertia="1e-10 1e-10 1e-10"/>
+  <joint name="theta" type="hinge" axis="0 1 0" {theta}/></body>
+"""
+BODIES = {"cartpole": CART, "slider": SLIDER, "pendulum": PENDULUM}
+
+
+def native(effect: TrueEffect) -> bool:
+    """Whether MuJoCo can play this effect of a body by itself."""
+    return effect.family in NATIVE and not effect.gated and "coefficient" not in effect.values
+
+
+class MujocoBody(Moving):
+    """Steps a batch of a mechanical system, one MuJoCo world an episode."""
+
+    def __init__(
+        self, system: str, parameters: Mapping[str, float], effects: Sequence[TrueEffect], h: float
+    ) -> None:
+        mj = mujoco()
+        p, joints = dict(parameters), dict.fromkeys(SYSTEMS[system].coordinates, "")
+        self._push = np.zeros(len(joints))
+        for effect in effects:
+            k = effect.values
+            if effect.family == "parameter_offset":
+                p[effect.on] *= k["ratio"]
+            elif effect.family == "coulomb_friction":
+                joints[effect.on] += f' frictionloss="{k["force"]!r}" {FRICTION.format(stop=2.0 / h)}'
+            elif effect.family == "viscous_friction":
+                joints[effect.on] += f' damping="{k["damping"]!r}"'
+            elif effect.family == "spring":
+                joints[effect.on] += f' stiffness="{k["stiffness"]!r}" springref="{k["rest_position"]!r}"'
+            elif effect.family == "constant_force":
+                self._push[list(joints).index(effect.on)] += k["force"]
+        if system == "cartpole":
+            rod = p["pole_mass"] * (2 * p["pole_half_length"]) ** 2 / 12
+            p |= {"rod": rod, "thin": rod / 1e3}
+        bodies = BODIES[system].format(**p, **joints)
+        text = MODEL.format(h=h, gravity=p.get("gravity", 9.81), bodies=bodies, first=next(iter(joints)))
+        self._step = mj.mj_step
+        self._model = mj.MjModel.from_xml_string(text)
+        self._make: Any = mj.MjData
+        self._data: list[Any] = []
+
+    def begin(self, s: FloatArray) -> FloatArray:
+        """Worlds at the given states; nothing is hidden."""
+        self._data = [self._make(self._model) for _ in s]
+        for data, row in zip(self._data, s, strict=True):
+            data.qpos[:], data.qvel[:] = row[0::2], row[1::2]
+            data.qfrc_applied[:] = self._push
+        return np.empty((len(s), 0))
+
+    def step(
+        self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """The worlds remember their states, `s` is what this returned last."""
+        out = np.empty_like(s)
+        for i, data in enumerate(self._data):
+            data.ctrl[0] = u[i, 0]
+            self._step(self._model, data)
+            out[i, 0::2], out[i, 1::2] = data.qpos, data.qvel
+        return out, z
+
+
+def mujoco() -> Any:
+    """The package; raises UsageError where it is not installed."""
+    try:
+        import mujoco as found
+    except ImportError as error:
+        missing = "a concealed world needs MuJoCo; install it with: pip install 'gpsim[prove]'"
+        raise UsageError(missing) from error
+    return found

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
 from gpsim.trials import catalogue, outside
-from gpsim.trials.truth.running import ActuatorChain, body_of, sense
+from gpsim.trials.truth.running import ActuatorChain, Frame, frame_of, sense
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
 
 HIDDEN_STATES = (
@@ -25,8 +25,11 @@ HIDDEN_STATES = (
 class Replay:
     """The same run with only `effects` present. Picks are (2, N): sample and episode at which pieces begin."""
 
-    def __init__(self, world: World, truth: Run, effects: Sequence[TrueEffect]) -> None:
+    def __init__(
+        self, world: World, truth: Run, effects: Sequence[TrueEffect], frame: Frame | None = None
+    ) -> None:
         self._world, self._truth, self._effects = world, truth, effects
+        self._frame = frame or frame_of(world)
 
     def residual(self, picks: IntArray) -> FloatArray:
         """(N, S) per second, by how much one step differs from the base simulator's, started at what is read."""
@@ -47,7 +50,7 @@ class Replay:
     def path(self, picks: IntArray, length: int, starts: FloatArray | None = None) -> FloatArray:
         """(length, N, S) true states 1 to `length` transitions after the picks, as `states` has the last."""
         world, truth, n = self._world, self._truth, self._truth.per_sample
-        body = body_of(world, self._effects, "rk4", truth.h)
+        body = self._frame.body(self._effects, truth.h)
         state = pick(truth.sampled, picks, 0) if starts is None else starts
         hidden = body.begin(state)
         if hidden.shape[1]:  # what was hidden then, as the effect that hides it is present
@@ -69,13 +72,9 @@ class Replay:
 
         They see what is off the true states as it is: exact for what they add, near for what they scale or delay.
         """
-        read = self._read
-        starts = (
-            pick(self._truth.sampled, picks, 0) + pick(self._truth.clean, picks, 0) - pick(read, picks, 0)
-        )
-        true, seen = (
-            np.stack([pick(a, picks, j) for j in range(1, length + 1)]) for a in (self._truth.sampled, read)
-        )
+        true, read = self._truth.sampled, self._read
+        starts = pick(true, picks, 0) + pick(self._truth.clean, picks, 0) - pick(read, picks, 0)
+        true, seen = picked(true, picks, length), picked(read, picks, length)
         return np.asarray(self.path(picks, length, starts) - true + seen)
 
     @property
@@ -89,7 +88,7 @@ class Replay:
     @cached_property
     def _read(self) -> FloatArray:
         """(K + 1, E, S) what the sensors say of the true states."""
-        truth, names = self._truth, SYSTEMS[self._world.system].names
+        truth, names = self._truth, self._frame.names
         steps = range(0, len(truth.fine), truth.per_sample)
         sensors = (*self._effects, *self._world.late)
         return np.stack([sense(sensors, names, truth.fine, i, truth.h) for i in steps])
@@ -98,7 +97,7 @@ class Replay:
     def _acting(self) -> FloatArray:
         """(K n, E, A) what the actuators make of the commands, along the true states."""
         truth, n = self._truth, self._truth.per_sample
-        chain = ActuatorChain(self._world.system, self._effects)
+        chain = ActuatorChain(self._frame, self._effects)
         out = np.empty((len(truth.commands) * n, *truth.commands.shape[1:]))
         for i in range(len(out)):
             t = truth.clock + i * truth.h
@@ -109,6 +108,11 @@ class Replay:
 def pick(values: FloatArray, picks: IntArray, late: int) -> FloatArray:
     """(N, ...) of values (K + 1, E, ...), `late` samples after the picks."""
     return np.asarray(values[picks[0] + late, picks[1]])
+
+
+def picked(values: FloatArray, picks: IntArray, length: int) -> FloatArray:
+    """(length, N, ...) of values (K + 1, E, ...), 1 to `length` samples after the picks."""
+    return np.stack([pick(values, picks, j) for j in range(1, length + 1)])
 
 
 def base_residual(world: World, before: FloatArray, after: FloatArray, action: FloatArray) -> FloatArray:

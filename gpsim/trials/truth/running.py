@@ -1,15 +1,15 @@
-"""What the sensors of a concealed world say along the true fine trajectory."""
+"""Running a concealed world: command, actuators, what moves, sensors, noise."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials import catalogue, outside
-from gpsim.trials.truth.body import Body, Vehicle
-from gpsim.trials.truth.mujoco_body import MujocoBody
+from gpsim.trials.truth.body import Body, Moving, MujocoBody, Vehicle
 from gpsim.trials.worlds import SYSTEMS, Driving, Run, TrueEffect, Values, World, drive, starts
 
 SENSORS = catalogue.SENSORS
@@ -60,16 +60,28 @@ ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = {
 ACTUATOR_ORDER = tuple(ACTUATORS)
 
 
+class Frame(NamedTuple):
+    """What a world's simulator is made of: its channels, its commands, and what moves with some effects."""
+
+    names: tuple[str, ...]
+    actions: tuple[str, ...]
+    body: Callable[[Sequence[TrueEffect], float], Moving]
+
+
+def frame_of(world: World) -> Frame:
+    """Of a world whose equations are known; by Runge-Kutta steps."""
+    system = SYSTEMS[world.system]
+    return Frame(system.names, tuple(system.action), lambda effects, h: body_of(world, effects, "rk4", h))
+
+
 class ActuatorChain:
     """The actuators of every action, in their order, with their memory."""
 
-    def __init__(self, system: str, effects: Sequence[TrueEffect]) -> None:
-        names = tuple(SYSTEMS[system].action)
-        ordered = sorted(
-            (e for e in effects if e.family in ACTUATORS), key=lambda e: ACTUATOR_ORDER.index(e.family)
-        )
-        self._names = SYSTEMS[system].names
-        self._parts = [(e, names.index(e.on), ACTUATORS[e.family](e.values)) for e in ordered]
+    def __init__(self, frame: Frame, effects: Sequence[TrueEffect]) -> None:
+        own = (e for e in effects if e.family in ACTUATORS)
+        ordered = sorted(own, key=lambda e: ACTUATOR_ORDER.index(e.family))
+        self._names = frame.names
+        self._parts = [(e, frame.actions.index(e.on), ACTUATORS[e.family](e.values)) for e in ordered]
 
     def act(self, command: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
         """(B, A) what acts during the next h s."""
@@ -86,11 +98,10 @@ class ActuatorChain:
 
 H = 1e-3  # s
 FRICTION_H = 2.5e-4  # s: MuJoCo meets a stop at the ends of steps only
+FAR = 1e6  # where a state that runs away is held
 
 
-def body_of(
-    world: World, effects: Sequence[TrueEffect], engine: str, h: float
-) -> Body | Vehicle | MujocoBody:
+def body_of(world: World, effects: Sequence[TrueEffect], engine: str, h: float) -> Moving:
     """What moves."""
     if SYSTEMS[world.system].vehicle:
         return Vehicle(effects)
@@ -105,16 +116,28 @@ def run(
     """Drive the world; `h` is the fine step, by default the engine's own; driving: the world's own excitation."""
     dry = any(e.family in catalogue.GRIP for e in effects)
     h = h or (FRICTION_H if world.engine == "mujoco" and dry else H)
-    n, driving, state = round(world.dt / h), driving or drive(world), starts(world)
-    names = SYSTEMS[world.system].names
-    body, chain = body_of(world, effects, world.engine, h), ActuatorChain(world.system, effects)
-    hidden, sensors = body.begin(state), (*effects, *world.late)
-    noise = noise_of(world)
+    driving, body = driving or drive(world), body_of(world, effects, world.engine, h)
+    return driven(world, effects, frame_of(world), body, driving, starts(world), h)
+
+
+def driven(
+    world: World,
+    effects: Sequence[TrueEffect],
+    frame: Frame,
+    body: Moving,
+    driving: Driving,
+    state: FloatArray,
+    h: float,
+    far: float = FAR,
+) -> Run:
+    """The run of a world from states (E, S), by fine steps of h s; far: where a state that runs away is held."""
+    names, n, chain = frame.names, round(world.dt / h), ActuatorChain(frame, effects)
+    hidden, sensors, noise = body.begin(state), (*effects, *world.late), noise_of(world, names)
     fine = np.empty((world.steps * n + 1, *state.shape))
     fine[0] = state
-    commands = np.empty((world.steps, world.episodes, len(SYSTEMS[world.system].action)))
+    commands = np.empty((world.steps, world.episodes, len(frame.actions)))
     clean = np.empty((world.steps + 1, *state.shape))
-    kept = np.empty((world.steps + 1, *hidden.shape))
+    kept, free = np.empty((world.steps + 1, *hidden.shape)), np.ones((world.steps + 1, world.episodes))
     with np.errstate(all="ignore"):
         for k in range(world.steps):
             clean[k], kept[k] = sense(sensors, names, fine, k * n, h), hidden
@@ -125,14 +148,14 @@ def run(
                 acting = chain.act(commands[k], state, t, h)
                 state, hidden = body.step(state, hidden, acting, t, wall, h)
                 fine[k * n + j + 1] = state
-            state = np.nan_to_num(np.clip(state, -1e6, 1e6))
+            free[k + 1] = free[k] * body.free()
+            state = np.nan_to_num(np.clip(state, -far, far))
     clean[-1], kept[-1] = sense(sensors, names, fine, world.steps * n, h), hidden
     perfect, measured = (limited(effects, names, readings) for readings in (clean, clean + noise))
-    return Run(fine, h, commands, perfect, measured, kept, world.clock_offsets, world.offsets)
+    return Run(fine, h, commands, perfect, measured, kept, world.clock_offsets, world.offsets, free)
 
 
-def noise_of(world: World) -> FloatArray:
+def noise_of(world: World, names: tuple[str, ...]) -> FloatArray:
     """(K + 1, E, S) what the sensors add."""
-    rng = world.generator(3)
-    sd = np.array([world.noise[name] for name in SYSTEMS[world.system].names])
-    return np.asarray(rng.normal(size=(world.steps + 1, world.episodes, len(sd))) * sd)
+    sd = np.array([world.noise[name] for name in names])
+    return np.asarray(world.generator(3).normal(size=(world.steps + 1, world.episodes, len(sd))) * sd)

@@ -17,7 +17,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings import evenly
-from gpsim.trials.truth.replay import Replay, base_residual, pick
+from gpsim.trials.truth.replay import Replay, base_residual, pick, picked
 from gpsim.trials.worlds import SYSTEMS, Rough, Run, TrueEffect, World
 
 LEAST_SHARE, LEAST_ROLLOUT = 0.05, 0.5
@@ -182,8 +182,7 @@ class Shares:
     def _squares(self, model: Replay) -> FloatArray:
         """(C,) mean squares over all steps of all rollouts, kept finite."""
         said = model.readings(self._picks, self._length)
-        true = np.stack([pick(self._truth.clean, self._picks, j) for j in range(1, self._length + 1)])
-        gap = (true - said)[..., self._columns]
+        gap = (picked(self._truth.clean, self._picks, self._length) - said)[..., self._columns]
         squares = np.nan_to_num(gap**2, nan=RUNAWAY, posinf=RUNAWAY).mean(axis=(0, 1))
         return np.asarray(np.minimum(squares, RUNAWAY))
 

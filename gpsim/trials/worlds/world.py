@@ -260,7 +260,8 @@ class Run:
 
     fine: (K n + 1, E, S) true states every h s; commands: (K, E, A); clean: (K + 1, E, S) readings without noise;
     measured: with it; hidden: (K + 1, E, H) hidden states of the body at the samples. clock, wall: (E,) s, what the
-    recording's clock and a clock on the wall said at the episodes' starts.
+    recording's clock and a clock on the wall said at the episodes' starts. free: (K + 1, E) 0 from where a robot met
+    itself or its limits.
     """
 
     fine: FloatArray
@@ -271,6 +272,7 @@ class Run:
     hidden: FloatArray
     clock: FloatArray
     wall: FloatArray
+    free: FloatArray
 
     @property
     def per_sample(self) -> int:
