@@ -12,7 +12,7 @@ from gpsim.trials.drawing import PLANS_FROM, box_of, draw_plan, plan_rank
 from gpsim.trials.drawing.plan_draws import HIDDEN
 from gpsim.trials.rivals import PLANNED, Second, compared
 from gpsim.trials.rivals.plan_rivals import Decided
-from gpsim.trials.scoring.plan_rules import score_plan_kinds
+from gpsim.trials.scoring.curve_rules import score_plan_kinds
 from gpsim.trials.statistics import plan_figures
 from gpsim.trials.worlds import TrueEffect
 

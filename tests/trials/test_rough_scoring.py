@@ -6,7 +6,7 @@ from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
 from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring import rough_verdicts, score
+from gpsim.trials.scoring.rules import rough_verdicts, score
 from gpsim.trials.statistics import summarise
 from gpsim.trials.statistics.intervals import mean_interval
 from gpsim.trials.worlds import TrueEffect

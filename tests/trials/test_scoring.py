@@ -9,7 +9,8 @@ from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.trials import drawing
 from gpsim.trials.blinding import Answer, conceal
 from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring import held_out_fit, iou, score
+from gpsim.trials.scoring.gates import iou
+from gpsim.trials.scoring.rules import held_out_fit, score
 from gpsim.trials.statistics import rate, summarise
 from gpsim.trials.statistics.intervals import interval, median_interval, share_interval
 from gpsim.trials.statistics.summary import parameter_figures, worst_fit

@@ -7,11 +7,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsim.trials import outside
+from gpsim.trials.blinding import Answer
 
 Json = Mapping[str, Any]
 Identity = tuple[str, str]
 Claim = frozenset[Identity]
 WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
+FACTORS = (
+    "gain",
+    "ratio",
+    "scale",
+    "gain_positive",
+    "gain_negative",
+)  # they change nothing at 1, others at 0
 
 
 def identity(effect: Json) -> Identity:
@@ -25,6 +33,16 @@ def claims_of(effects: Sequence[Json]) -> Claim:
     return frozenset(identity(e) for e in effects)
 
 
+def families_of(claims: Claim) -> tuple[str, ...]:
+    """The families of claims, each as often as it is claimed."""
+    return tuple(sorted(family for family, _ in claims))
+
+
+def listed(claims: Claim) -> list[list[str]]:
+    """Claims as JSON has them."""
+    return sorted(map(list, claims))
+
+
 def words_of(effects: Sequence[Json]) -> set[Identity]:
     """What the catalogue calls those effects of an answer whose kinds have become its words."""
     kinds = [(outside.EVERY_KIND[e["family"]].family, str(e["on"])) for e in effects if e["outside"]]
@@ -34,6 +52,12 @@ def words_of(effects: Sequence[Json]) -> set[Identity]:
 def headline_of(effects: Sequence[Json]) -> list[Json]:
     """The effects whose role is headline; all of a diagnosis that knows no roles (gpsim.diagnosis/1)."""
     return [e for e in effects if e.get("role", "headline") == "headline"]
+
+
+def said_share(report: Json) -> float | None:
+    """The share of the mismatch that a diagnosis says it explains."""
+    told: float | None = ((report.get("explained") or {}).get("rollout") or {}).get("share")
+    return told
 
 
 def approximate(effect: Json) -> bool:
@@ -59,41 +83,26 @@ def _odds_in_nats(effect: Json) -> float:
     return math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
 
 
-def of_first(report: Json) -> dict[str, Any]:
-    """The report with the effects that act in the first recording, as large as they are there; its held-out episodes.
-
-    A report of one recording stays what it is.
-    """
-    several = report.get("recordings")
-    if not several:
-        return dict(report)
-    name = str(several[0]["name"])
-    held = [str(n) for n in report["fit"]["held_out"]]
-    mine = [n.removeprefix(f"{name}/") for n in held if n.startswith(f"{name}/")]
+def opened(answer: Answer, equal: Sequence[Claim] | set[Claim] = (), **more: Any) -> dict[str, Any]:
+    """What the score of any world begins with; equal: what is as right as the truth."""
     return {
-        **report,
-        "effects": _there(report["effects"], name),
-        "alternatives": [{**a, "effects": _there(a["effects"], name)} for a in report["alternatives"]],
-        "fit": {**report["fit"], "held_out": mine},
-    }
+        "stratum": str(answer.content["stratum"]),
+        "visible": True,
+        "identifiable": not equal,
+        "equivalents": sorted(map(listed, equal)),
+        "truth": listed(frozenset(answer.claims)),
+    } | more
 
 
-def _there(effects: list[Json], name: str) -> list[dict[str, Any]]:
-    """Those that act in the recording, with its own values where it has some."""
-    return [
-        {**e, "parameters": {**e["parameters"], **(e.get("own") or {}).get(name, {})}}
-        for e in effects
-        if e.get("recordings") is None or name in e["recordings"]
-    ]
+def failed(**more: Any) -> dict[str, Any]:
+    """What is said of a missing report: it is wrong in all."""
+    wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
+    return {"verdict": "failed", "said": []} | wrong | more
 
 
-FACTORS = (
-    "gain",
-    "ratio",
-    "scale",
-    "gain_positive",
-    "gain_negative",
-)  # they change nothing at 1, others at 0
+def spurious_of(effects: Sequence[Json]) -> dict[str, Any]:
+    """How many effects were told that are not there, and which."""
+    return {"spurious": len(effects), "spurious_names": sorted(list(identity(e)) for e in effects)}
 
 
 def parameter_errors(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, Any]]:
@@ -110,6 +119,8 @@ def parameter_errors(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[s
                 continue
             covered = given["low"] is not None and given["low"] <= value <= given["high"]
             error, neutral = abs(given["value"] - value), 1.0 if name in FACTORS else 0.0
+            # Where zero is an arbitrary point, an error relative to the value says nothing.
+            arbitrary = name == "rest_position" or (effect["family"] == "payload" and name in "xyz")
             out.append(
                 {
                     "family": effect["family"],
@@ -117,9 +128,7 @@ def parameter_errors(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[s
                     "relative_error": error / max(abs(value), 1e-300),
                     "error_of_effect": error / max(abs(value - neutral), 1e-300),
                     "covered": bool(covered),
-                    # Where zero is an arbitrary point, an error relative to the value says nothing.
-                    "has_scale": name != "rest_position"
-                    and not (effect["family"] == "payload" and name in "xyz"),
+                    "has_scale": not arbitrary,
                 }
             )
     return out

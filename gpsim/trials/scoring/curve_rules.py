@@ -1,4 +1,8 @@
-"""What counts as right on a world whose law no family has: a measured curve at its site, of its input, near the law."""
+"""What counts on worlds whose law no family has, and on worlds for plans.
+
+A curve is right that was measured at the law's site, of its input, and is near the law. A plan is right that decides
+what a first recording left open.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,18 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials.blinding import Answer
-from gpsim.trials.scoring.claims import Json, asserted, claims_of, headline_of, identity
+from gpsim.trials.rivals import PLANNED, Second
+from gpsim.trials.scoring.claims import (
+    Json,
+    asserted,
+    claims_of,
+    failed,
+    headline_of,
+    identity,
+    listed,
+    opened,
+)
 
-CURVES = "curves"
 NEAR = 0.1  # of the true law's range, that a curve may be off in root mean square over what was visited
 CONSTANTS = {"constant_force": "force", "sensor_bias": "offset", "actuator_bias": "bias"}
 """Families that may hold a curve's mean beside it, and the parameter that does."""
@@ -25,31 +38,22 @@ def score_curve(answer: Answer, report: Json | None) -> dict[str, Any]:
     """
     (effect,) = answer.content["effects"]
     truth = answer.content["curve"]
-    out: dict[str, Any] = {
-        "stratum": CURVES,
-        "kind": effect["family"],
-        "visible": bool(answer.content["visible"]),
-        "identifiable": True,
-        "equivalents": [],
-        "truth": [[effect["family"], effect["on"]]],
-        "parameters": [],
-    }
-    wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right", "place_right"), False)
+    own = {"kind": effect["family"], "visible": bool(answer.content["visible"]), "parameters": []}
+    out = opened(answer, **own, truth=[[effect["family"], effect["on"]]])
     if report is None:
-        return out | wrong | {"verdict": "failed", "said": [], "off": None, "curve_right": False}
+        return out | failed(off=None, place_right=False, curve_right=False)
     headline, verdict = headline_of(report["effects"]), str(report["verdict"])
     off = _off(truth, effect["on"], report["effects"])
     near = off is not None and off <= NEAR
     named = [e for e in headline if asserted(e) and not _constant(e, effect["on"])]
-    said_so = verdict in ("partial", "unknown")
     return out | {
         "verdict": verdict,
-        "said": sorted(map(list, claims_of(report["effects"]))),
+        "said": listed(claims_of(report["effects"])),
         "off": off,
         "place_right": off is not None,
         "curve_right": near,
         "named_wrong": bool(named),
-        "verdict_right": said_so,
+        "verdict_right": verdict in ("partial", "unknown"),
         "leading_right": off is not None,
         "families_right": truth["family"] in {e["family"] for e in report["effects"]},
         "right": bool(near and not named),
@@ -90,3 +94,36 @@ def _told(curve: Json, truth: Json) -> FloatArray:
         )
     stays = 0.0 if truth["family"] == "force_curve" else x
     return np.asarray(np.interp(x, at, values) - stays)
+
+
+def score_plan(answer: Answer, report: Json | None, second: Second | None) -> dict[str, Any]:
+    """second: what was recorded afterwards; None where the first recording left nothing open.
+
+    kinds: of every excitation the seconds until the right explanation was ahead by odds above ten, None where it never
+    was, and whether the machine left the box. A world counts where any of them decides. right: where it does not count,
+    or the plan decides.
+    """
+    kinds = score_plan_kinds(second)
+    counts = any(k["seconds"] is not None for k in kinds.values())
+    said = [] if report is None else listed(claims_of(report["effects"]))
+    return opened(
+        answer,
+        verdict="failed" if report is None else str(report["verdict"]),
+        said=said,
+        open=second is not None,
+        listed=second is not None and second.listed,
+        counts=counts,
+        length=None if second is None else second.seconds,
+        kinds=kinds,
+        right=report is not None and (not counts or kinds[PLANNED]["seconds"] is not None),
+    )
+
+
+def score_plan_kinds(second: Second | None) -> dict[str, dict[str, Any]]:
+    """What is said of each excitation."""
+    if second is None:
+        return {}
+    return {
+        kind: {"nats": d.nats, "seconds": None if d.part is None else d.part * second.seconds, "left": d.left}
+        for kind, d in second.kinds.items()
+    }

@@ -24,12 +24,9 @@ class Gate(NamedTuple):
 def gates_of(effects: Sequence[Json]) -> list[Gate]:
     """Every gate of a list of effects."""
     found = []
-    for effect in effects:
-        found += [
-            Gate(identity(effect), channel, tuple(edges)) for channel, edges in effect["region"].items()
-        ]
-        if effect["since"] is not None:
-            found.append(Gate(identity(effect), None, (effect["since"],)))
+    for e in effects:
+        found += [Gate(identity(e), channel, tuple(edges)) for channel, edges in e["region"].items()]
+        found += [] if e["since"] is None else [Gate(identity(e), None, (e["since"],))]
     return found
 
 
@@ -66,12 +63,8 @@ def gate_figures(
             errors.append(min(late, default=1.0))
     spurious = any(c not in [paired for _, paired in pairs] for c in claimed)
     found = all(o >= LEAST_IOU for o in overlaps) and all(e <= LARGEST_ONSET for e in errors)
-    out: dict[str, Any] = {"gate_right": found and not spurious}
-    if overlaps:
-        out["iou"] = min(overlaps)
-    if errors:
-        out["onset_error"] = max(errors)
-    return out
+    worst = ({"iou": min(overlaps)} if overlaps else {}) | ({"onset_error": max(errors)} if errors else {})
+    return {"gate_right": found and not spurious, **worst}
 
 
 def failed_gates(truth: Sequence[Json]) -> dict[str, float]:

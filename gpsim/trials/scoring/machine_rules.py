@@ -1,7 +1,7 @@
 """What counts as right on a whole machine: effects that count are told, nothing else is; sizes, rollouts, the verdict.
 
 Everything that a diagnosis says counts, headline and slight. An effect of the machine counts where it could be seen
-(see `rivals.machine_rivals`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
+(see `rivals`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
 told.
 """
 
@@ -13,10 +13,20 @@ from typing import Any
 
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import MachineListing, Seen
-from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity, parameter_errors
-from gpsim.trials.scoring.group_rules import claims_of_nuisances, rough_verdicts
+from gpsim.trials.scoring.claims import (
+    Json,
+    claims_of,
+    failed,
+    headline_of,
+    identity,
+    listed,
+    opened,
+    parameter_errors,
+    said_share,
+    spurious_of,
+)
+from gpsim.trials.scoring.rules import claims_of_nuisances, rough_verdicts
 
-MACHINES = "machines"
 SEEN, NEEDED, STANDS_OUT = 3.0, 0.01, 1.0  # nats, share of the mismatch, standard deviations of the noise
 SIZED = 0.15  # of what an effect changes, by which its size may be off
 
@@ -31,62 +41,75 @@ def score_machine(answer: Answer, report: Json | None, listing: MachineListing |
     truth, machine = frozenset(answer.claims), answer.content["world"]["machine"]
     explained = float(answer.content["machine"]["explained"])
     seen = listing.seen if listing else tuple(_unjudged(e) for e in own)
-    out: dict[str, Any] = {
-        "stratum": MACHINES,
-        "kind": machine["kind"],
-        "recordings": len(machine["sessions"]),
-        "visible": True,
-        "identifiable": True,
-        "equivalents": [],
-        "truth": sorted(map(list, truth)),
-        "explained": explained,
-        "verdicts": sorted(rough_verdicts(explained, False)),
-        "counting": sum(map(_counts, seen)),
-    }
+    out = opened(
+        answer,
+        kind=machine["kind"],
+        recordings=len(machine["sessions"]),
+        explained=explained,
+        verdicts=sorted(rough_verdicts(explained, False)),
+        counting=sum(map(_counts, seen)),
+    )
     if report is None or listing is None:
         untold = [_of_effect(e, s, False) for e, s in zip(own, seen, strict=True)]
-        wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
-        nothing = {
-            "said": [],
-            "told": 0,
-            "spurious": 0,
-            "parameters": [],
-            "rollouts": None,
-            "black_box": None,
-        }
-        return out | {"verdict": "failed", "effects_told": untold} | wrong | nothing
-    said, whole = claims_of(report["effects"]), _whole(listing, report, truth)
-    meant = said | set(listing.stands.values())
-    told = [_of_effect(e, s, whole or identity(e) in meant) for e, s in zip(own, seen, strict=True)]
+        nothing = {"told": 0, "spurious": 0, "parameters": [], "rollouts": None, "black_box": None}
+        return out | failed(effects_told=untold, **nothing)
+    said, verdict = claims_of(report["effects"]), str(report["verdict"])
+    # The leader as a whole may be an equivalent of the truth, in other words than its own.
+    whole = bool(listing.equivalent and listing.equivalent[0]) and said != truth
+    places = set(listing.stands.values())
+    told = [_of_effect(e, s, whole or identity(e) in said | places) for e, s in zip(own, seen, strict=True)]
     allowed = truth | set(listing.stands) | claims_of_nuisances(answer)
     spurious = [] if whole else [e for e in report["effects"] if identity(e) not in allowed]
     counting = [t for t in told if t["counts"]]
     equivalents = whole or bool(listing.stands) or any(listing.equivalent[1:])
-    verdicts, verdict = rough_verdicts(explained, equivalents), str(report["verdict"])
-    share = (report.get("explained") or {}).get("rollout") or {}
-    out |= {
+    verdicts, every = rough_verdicts(explained, equivalents), all(t["told"] for t in counting)
+    return out | {
         "identifiable": not equivalents,
-        "equivalents": [sorted(map(list, (truth - set(listing.stands.values())) | set(listing.stands)))]
-        if listing.stands
-        else [],
+        "equivalents": [listed((truth - places) | set(listing.stands))] if listing.stands else [],
         "verdicts": sorted(verdicts),
         "verdict": verdict,
-        "said": sorted(map(list, said)),
-        "said_explained": share.get("share"),
+        "said": listed(said),
+        "said_explained": said_share(report),
         "effects_told": told,
         "told": sum(t["told"] for t in counting),
-        "spurious": len(spurious),
-        "spurious_names": sorted(list(identity(e)) for e in spurious),
+        **spurious_of(spurious),
         "spurious_headline": len(headline_of(spurious)),
         "verdict_right": verdict in verdicts,
-        "leading_right": all(t["told"] for t in counting),
+        "leading_right": every,
         "families_right": {f for f, _ in said} >= {t["family"] for t in counting},
-        "parameters": [] if whole and said != truth else _sizes(listing, report, told),
+        "parameters": [] if whole else _sizes(listing, report, told),
         "rollouts": max(listing.rollouts.values(), default=None),
         "black_box": black_box(report["fit"]["rollout"]),
+        "right": bool(verdict in verdicts and every and not spurious),
     }
-    out["right"] = bool(out["verdict_right"] and out["leading_right"] and not spurious)
-    return out
+
+
+def of_first(report: Json) -> dict[str, Any]:
+    """The report with the effects that act in the first recording, as large as they are there; its held-out episodes.
+
+    A report of one recording stays what it is.
+    """
+    several = report.get("recordings")
+    if not several:
+        return dict(report)
+    name = str(several[0]["name"])
+    held = [str(n) for n in report["fit"]["held_out"]]
+    mine = [n.removeprefix(f"{name}/") for n in held if n.startswith(f"{name}/")]
+    return {
+        **report,
+        "effects": _there(report["effects"], name),
+        "alternatives": [{**a, "effects": _there(a["effects"], name)} for a in report["alternatives"]],
+        "fit": {**report["fit"], "held_out": mine},
+    }
+
+
+def _there(effects: list[Json], name: str) -> list[dict[str, Any]]:
+    """Those that act in the recording, with its own values where it has some."""
+    return [
+        {**e, "parameters": {**e["parameters"], **(e.get("own") or {}).get(name, {})}}
+        for e in effects
+        if e.get("recordings") is None or name in e["recordings"]
+    ]
 
 
 def black_box(rollout: Mapping[str, Any]) -> float | None:
@@ -99,11 +122,6 @@ def black_box(rollout: Mapping[str, Any]) -> float | None:
         return None
     ratios = [math.inf if e.get("gp") is None else float(e["gp"]) / float(e["after"]) for e in channels]
     return math.exp(sum(math.log(max(r, 1e-9)) for r in ratios) / len(ratios))
-
-
-def _whole(listing: MachineListing, report: Json, truth: frozenset[tuple[str, str]]) -> bool:
-    """Whether the leader as a whole is an equivalent of the truth, in other words than its own."""
-    return bool(listing.equivalent and listing.equivalent[0]) and claims_of(report["effects"]) != truth
 
 
 def _unjudged(effect: Json) -> Seen:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,18 @@ from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import (
     Listing,
+    Second,
     cached_listing,
     machine_listing,
     robot_rivals,
     second_recordings,
     whole_listing,
 )
-from gpsim.trials.scoring.claims import of_first
-from gpsim.trials.scoring.curve_rules import CURVES, score_curve
-from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
-from gpsim.trials.scoring.plan_rules import PLANS, score_plan
+from gpsim.trials.scoring.claims import Json
+from gpsim.trials.scoring.curve_rules import score_curve, score_plan
+from gpsim.trials.scoring.machine_rules import of_first, score_machine
 from gpsim.trials.scoring.rules import score
-from gpsim.trials.scoring.whole_rules import WHOLE, score_whole
+from gpsim.trials.scoring.whole_rules import score_whole
 
 SCORES = "scores"
 
@@ -56,47 +57,42 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     return found
 
 
-def _judged(
-    out: Path, name: str, answer: Answer, outcome: dict[str, Any], report: dict[str, Any] | None
-) -> dict[str, Any]:
+def _second(out: Path, name: str, answer: Answer, outcome: Json, report: Json | None) -> Second | None:
+    left_open = report is not None and report["alternatives"]
+    return second_recordings(out, name, answer) if left_open else None
+
+
+Rules = tuple[Callable[..., Any], Callable[..., dict[str, Any]]]
+BY_THEMSELVES: Mapping[str, Rules] = {
+    "machines": (machine_listing, score_machine),
+    "whole": (whole_listing, score_whole),
+    "curves": (lambda *given: None, lambda answer, report, nothing: score_curve(answer, report)),
+    "plans": (_second, score_plan),
+}
+"""Stratum -> what is dear to find out of a trial, and how its diagnosis is judged by that."""
+
+
+def _judged(out: Path, name: str, answer: Answer, outcome: Json, report: Json | None) -> dict[str, Any]:
     """The diagnosis by the rules of its stratum, and what stands beside it."""
-    if answer.content["stratum"] == MACHINES:
-        report = None if report is None else of_first(report)
-        listed = machine_listing(out, name, answer, outcome, report)
-        return score_machine(answer, report, listed) | {"rivals": [], "sindy": None}
-    if answer.content["stratum"] == WHOLE:
-        found = whole_listing(out, name, answer, outcome, report)
-        return score_whole(answer, report, found) | {"rivals": [], "sindy": None}
-    if answer.content["stratum"] == CURVES:
-        return score_curve(answer, report) | {"rivals": [], "sindy": None}
-    if answer.content["stratum"] == PLANS:
-        open_still = report is not None and report["alternatives"]
-        second = second_recordings(out, name, answer) if open_still else None
-        return score_plan(answer, report, second) | {"rivals": [], "sindy": None}
-    rivals = _listing(out, name, answer, outcome, report)
-    return score(answer, report, rivals.rivals) | _beside(answer, rivals)
+    stratum = answer.content["stratum"]
+    if stratum in BY_THEMSELVES:
+        listing, rules = BY_THEMSELVES[stratum]
+        first = of_first(report) if report is not None and stratum == "machines" else report
+        found = rules(answer, first, listing(out, name, answer, outcome, first))
+        return found | {"rivals": [], "sindy": None}
+    if "robot" in answer.content:  # of a robot's world those that were said
+        listed = Listing(robot_rivals(out, name, answer, outcome, report), None)
+    else:
+        listed = cached_listing(out, name, answer, outcome)
+    return score(answer, report, listed.rivals) | _beside(answer, listed)
 
 
 def _unscored(answer: Answer) -> dict[str, Any]:
     """As a failed diagnosis scores."""
-    if answer.content["stratum"] == MACHINES:
-        return score_machine(answer, None, None)
-    if answer.content["stratum"] == WHOLE:
-        return score_whole(answer, None, None)
-    if answer.content["stratum"] == CURVES:
-        return score_curve(answer, None)
-    if answer.content["stratum"] == PLANS:
-        return score_plan(answer, None, None)
-    return score(answer, None, [])
-
-
-def _listing(
-    out: Path, name: str, answer: Answer, outcome: dict[str, Any], report: dict[str, Any] | None
-) -> Listing:
-    """Every rival that was fitted; of a robot's world those that were said."""
-    if "robot" in answer.content:
-        return Listing(robot_rivals(out, name, answer, outcome, report), None)
-    return cached_listing(out, name, answer, outcome)
+    stratum = answer.content["stratum"]
+    return (
+        BY_THEMSELVES[stratum][1](answer, None, None) if stratum in BY_THEMSELVES else score(answer, None, [])
+    )
 
 
 def _of_world(answer: Answer) -> dict[str, Any]:

@@ -17,17 +17,23 @@ from gpsim.trials.rivals import WholeListing
 from gpsim.trials.robots import ROWS, Layout, layout_of, of_body, spec_of
 from gpsim.trials.scoring.claims import (
     Claim,
+    Identity,
     Json,
     claims_of,
+    failed,
     headline_of,
     identity,
+    listed,
+    opened,
     parameter_errors,
+    spurious_of,
 )
 from gpsim.trials.worlds import TrueEffect
 
-WHOLE = "whole"
 COUNTS = 0.01  # of the joint's torque
 WITHIN = 0.15  # of its true size, or of what changed bodies ask for
+Sized = tuple[float, float, float]
+"""A value, and its interval."""
 ALIKE, COMBINED, OWN = "alike", "in a combination", "own name"
 
 
@@ -38,21 +44,11 @@ def score_whole(answer: Answer, report: Json | None, listing: WholeListing | Non
     bodies, and by what; spurious: headline effects that are not there.
     """
     effects, truth = answer.content["effects"], frozenset(answer.claims)
-    out: dict[str, Any] = {
-        "stratum": WHOLE,
-        "visible": True,
-        "identifiable": True,
-        "equivalents": [],
-        "truth": sorted(map(list, truth)),
-        "servos": bool(layout_of(answer.world.system).servos),
-        "verdicts": ["named"],
-    }
+    out = opened(answer, servos=bool(layout_of(answer.world.system).servos), verdicts=["named"])
     if report is None or listing is None:
-        wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
-        nothing = {"said": [], "spurious": 0, "spurious_names": [], "parameters": [], "rollouts": None}
         rows = [_row(e, None) for e in effects if e["family"] in ROWS]
         bodies = [_body(e, "") for e in effects if _of_body(e)]
-        return out | {"verdict": "failed", "rows": rows, "bodies": bodies, **nothing, **wrong}
+        return out | failed(rows=rows, bodies=bodies, **spurious_of([]), parameters=[], rollouts=None)
     combined = [set(c["of"]) for c in report["combinations"]]
     said = _said_rows(report, answer)
     rows = [_row(e, said.get(identity(e))) for e in effects if e["family"] in ROWS]
@@ -64,27 +60,24 @@ def score_whole(answer: Answer, report: Json | None, listing: WholeListing | Non
         for e in headline_of(report["effects"])
         if identity(e) not in allowed and not (alike and _of_body(e)) and not _is_combined(e, truth, combined)
     ]
-    verdict = str(report["verdict"])
+    verdict, names = str(report["verdict"]), claims_of(report["effects"])
     verdicts = ["ambiguous", "named"] if combined else ["named"]
-    counting = [part for part in (*rows, *bodies) if part["counts"]]
-    names = claims_of(report["effects"])
-    out |= {
+    every = all(part["right"] for part in (*rows, *bodies) if part["counts"])
+    return out | {
         "verdicts": verdicts,
         "verdict": verdict,
-        "said": sorted(map(list, names)),
+        "said": listed(names),
         "rows": rows,
         "bodies": bodies,
         "bodies_off": listing.bodies_off,
-        "spurious": len(spurious),
-        "spurious_names": sorted(list(identity(e)) for e in spurious),
+        **spurious_of(spurious),
         "verdict_right": verdict in verdicts,
-        "leading_right": all(part["right"] for part in counting),
+        "leading_right": every,
         "families_right": {f for f, _ in names} >= {f for f, _ in truth},
         "parameters": parameter_errors(effects, report["effects"]),
         "rollouts": max(listing.rollouts.values(), default=None),
+        "right": bool(verdict in verdicts and every and not spurious),
     }
-    out["right"] = bool(out["verdict_right"] and out["leading_right"] and not spurious)
-    return out
 
 
 def _of_body(effect: Json) -> bool:
@@ -92,31 +85,21 @@ def _of_body(effect: Json) -> bool:
     return of_body(TrueEffect(family, on, {}))
 
 
-def _row(effect: Json, said: tuple[float, float, float] | None) -> dict[str, Any]:
+def _part(effect: Json) -> dict[str, Any]:
+    counts = effect["share"] >= COUNTS
+    return {"family": effect["family"], "on": effect["on"], "share": effect["share"], "counts": counts}
+
+
+def _row(effect: Json, said: Sized | None) -> dict[str, Any]:
     """said: the value and its interval, where there is one."""
     (true,) = effect["parameters"].values()
     near = said is not None and (abs(said[0] - true) <= WITHIN * abs(true) or said[1] <= true <= said[2])
-    return {
-        "family": effect["family"],
-        "on": effect["on"],
-        "share": effect["share"],
-        "counts": effect["share"] >= COUNTS,
-        "told": said is not None,
-        "true": true,
-        "value": None if said is None else said[0],
-        "right": bool(near),
-    }
+    value = None if said is None else said[0]
+    return _part(effect) | {"told": said is not None, "true": true, "value": value, "right": bool(near)}
 
 
 def _body(effect: Json, how: str) -> dict[str, Any]:
-    return {
-        "family": effect["family"],
-        "on": effect["on"],
-        "share": effect["share"],
-        "counts": effect["share"] >= COUNTS,
-        "how": how,
-        "right": bool(how),
-    }
+    return _part(effect) | {"how": how, "right": bool(how)}
 
 
 def _how(effect: Json, report: Json, combined: Sequence[set[str]], alike: bool) -> str:
@@ -140,36 +123,25 @@ def _is_combined(effect: Json, truth: Claim, combined: Sequence[set[str]]) -> bo
     return any(_is_part(effect, names) and any(_is_part(e, names) for e in there) for names in combined)
 
 
-def _said_rows(report: Json, answer: Answer) -> dict[tuple[str, str], tuple[float, float, float]]:
+def _said_rows(report: Json, answer: Answer) -> dict[Identity, Sized]:
     """Family and joint -> value, low and high of every row that was said; a servo's damping added to its joint's."""
     layout = layout_of(answer.world.system)
-    found: dict[tuple[str, str], FloatTriple] = {}
+    found: dict[Identity, Sized] = {}
     for e in report["effects"]:
-        family, on = identity(e)
+        (family, on), neutral, size = identity(e), 0.0, 1.0
         owner, _, what = on.rpartition(".")
-        if family in ROWS:
-            (told,) = e["parameters"].values()
-            key, values = (family, on), _triple(told)
-        elif family == "parameter_offset" and what == "kv" and owner in layout.servos:
-            kv = _damping(answer.world.system, owner)
-            key = ("viscous_friction", layout.driven[owner])
-            value, low, high = _triple(e["parameters"]["ratio"])
-            values = ((value - 1.0) * kv, (low - 1.0) * kv, (high - 1.0) * kv)
-        else:
+        if family == "parameter_offset" and what == "kv" and owner in layout.servos:
+            family, on = "viscous_friction", layout.driven[owner]
+            neutral, size = 1.0, _damping(answer.world.system, owner)
+        elif family not in ROWS:
             continue
-        before = found.get(key, (0.0, 0.0, 0.0))
-        found[key] = (before[0] + values[0], before[1] + values[1], before[2] + values[2])
+        (told,) = e["parameters"].values()
+        # An interval that is not known is the value alone.
+        edges = (told["value"] if told[edge] is None else told[edge] for edge in ("low", "high"))
+        values = [(float(x) - neutral) * size for x in (told["value"], *edges)]
+        value, low, high = np.add(found.get((family, on), (0.0, 0.0, 0.0)), values).tolist()
+        found[family, on] = value, low, high
     return found
-
-
-FloatTriple = tuple[float, float, float]
-
-
-def _triple(told: Json) -> FloatTriple:
-    """Of an estimate; an interval that is not known is the value alone."""
-    value = float(told["value"])
-    low, high = (value if told[edge] is None else float(told[edge]) for edge in ("low", "high"))
-    return value, low, high
 
 
 def _damping(system: str, servo: str) -> float:
