@@ -6,7 +6,8 @@ import pytest
 
 from gpsim.trials.blinding import Answer, concealment
 from gpsim.trials.drawing import draw
-from gpsim.trials.rivals import Rival, rivals
+from gpsim.trials.rivals import Rival
+from gpsim.trials.rivals.equivalents import rivals
 from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10

@@ -22,7 +22,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.rivals import Rival, cache, kept, sindy
+from gpsim.trials.rivals import Rival, equivalents, kept, sindy
 from gpsim.trials.scoring import score_trial
 
 SEED, NUMBERS = 5, (10, 2)
@@ -78,7 +78,7 @@ def proof(concealed, tmp_path, monkeypatch):
 def fits(monkeypatch):
     """The rule for equivalents, made up; the list counts how often it was asked."""
     asked = []
-    monkeypatch.setattr(cache, "rivals", lambda *given: asked.append(given) or [TWIN])
+    monkeypatch.setattr(equivalents, "rivals", lambda *given: asked.append(given) or [TWIN])
     monkeypatch.setattr(sindy, "installed", lambda: False)
     return asked
 

@@ -12,7 +12,7 @@ from gpsim.recordings import read_recording
 from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials.blinding import robot_worlds, write_trial
 from gpsim.trials.blinding.trial_files import recording_digests
-from gpsim.trials.rivals.whole_rivals import bodies_off
+from gpsim.trials.rivals.robot_rivals import bodies_off
 from gpsim.trials.robots import (
     ROWS,
     WHOLE,

@@ -4,12 +4,11 @@ The rule for equivalents fits with the diagnosis's own engine, after the reveal;
 what they find is kept.
 """
 
-from gpsim.trials.rivals.cache import Listing, cached_listing
-from gpsim.trials.rivals.equivalents import Rival, as_hypothesis, rivals
+from gpsim.trials.rivals.equivalents import Listing, cached_listing
+from gpsim.trials.rivals.fits import Rival, as_hypothesis
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
 from gpsim.trials.rivals.plan_rivals import PLANNED, Second, compared, second_recordings
-from gpsim.trials.rivals.robot_rivals import robot_rivals
-from gpsim.trials.rivals.whole_rivals import WholeListing, whole_listing
+from gpsim.trials.rivals.robot_rivals import WholeListing, robot_rivals, whole_listing
 
 __all__ = [
     "PLANNED",
@@ -23,7 +22,6 @@ __all__ = [
     "cached_listing",
     "compared",
     "machine_listing",
-    "rivals",
     "robot_rivals",
     "second_recordings",
     "whole_listing",

@@ -1,22 +1,92 @@
-"""Equivalents of a rough world's main effects: those of the same world without nuisances and without a rough log."""
+"""Equivalents of a world's effects; of a rough one's those of the same world without nuisances and without a rough log.
+
+What is dear to find out about a trial, PySINDy's answer beside it, is kept in OUT/equivalents/NAME.json. It follows
+from the answer and the recording alone: another answer, another recording or another version of the rule is listed anew.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, Problem, fit, screened
-from gpsim.diagnosis.setup import candidates, prepare, spread_out
+from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, fit, screened
+from gpsim.diagnosis.setup import candidates
 from gpsim.effects import Gate
-from gpsim.recordings import Recording
+from gpsim.recordings import Recording, read_recording
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding import Answer, even_recording
+from gpsim.trials.blinding import PUBLIC, Answer
+from gpsim.trials.rivals import sindy
+from gpsim.trials.rivals.fits import (
+    LOST,
+    Claims,
+    Fits,
+    Rival,
+    as_hypothesis,
+    cleaned,
+    main_world,
+    without_noise,
+)
+from gpsim.trials.rivals.kept import claims_from, digests_of, kept_path, read_kept, rivals_from, write_kept
 from gpsim.trials.rivals.local_search import continued, replaced_near
-from gpsim.trials.truth import run
-from gpsim.trials.worlds import TrueEffect, World, effect_json, sound, world_json
+from gpsim.trials.worlds import TrueEffect, effect_json, world_json
+
+# Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
+# constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.
+EQUIVALENTS_VERSION = 6
+WINDOWS, FITTED = 60, 10
+PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
+EXPANDED = 6  # equivalents that get rivals of their own
+
+
+@dataclass(frozen=True)
+class Listing:
+    """Every rival that was fitted, the best first, and PySINDy's claims where it applies and is installed."""
+
+    rivals: list[Rival]
+    sindy: Claims | None
+
+
+def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, Any]) -> Listing:
+    """The listing of a revealed trial, from OUT/equivalents or made now and kept there.
+
+    outcome: of its diagnosis, whose digests of answer and recording were verified.
+    """
+    path, public = kept_path(out, name), out / PUBLIC / name
+    identity = {"version": EQUIVALENTS_VERSION, **digests_of(outcome)}
+    found = read_kept(path)
+    kept = found if identity.items() <= found.items() else identity
+    new: dict[str, Any] = {}
+    if "rivals" not in kept:
+        started = time.monotonic()
+        listed = rough_rivals(answer) if "rough" in answer.content else rivals(answer, read_recording(public))
+        new["rivals"] = [
+            {
+                "claims": list(map(list, r.claims)),
+                "nats_lost": r.loss,
+                "richer": r.richer,
+                "equivalent": r.equivalent,
+            }
+            for r in listed
+        ]
+        new["seconds"] = round(time.monotonic() - started, 2)
+    if kept.get("sindy") is None:  # it may have been installed since
+        new["sindy"] = _sindy(answer, public)
+    kept = kept | new
+    if kept != found:
+        write_kept(path, kept)
+    return Listing(rivals_from(kept), None if kept["sindy"] is None else claims_from(kept["sindy"]))
+
+
+def _sindy(answer: Answer, public: Path) -> list[list[str]] | None:
+    if not sindy.installed() or not sindy.applies(answer.content):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it warns of thresholds that eliminate all terms, which is an answer
+        return [list(claim) for claim in sindy.name(read_recording(public))]
 
 
 def rough_rivals(answer: Answer) -> list[Rival]:
@@ -26,52 +96,10 @@ def rough_rivals(answer: Answer) -> list[Rival]:
     than that cannot be told.
     """
     world = main_world(answer)
-    truth = run(world, world.effects)
-    recording = even_recording(world, truth.clean, truth, np.asarray(sound(world, truth.sampled)))
-    clean = [episode.states for episode in recording.episodes]
+    recording = without_noise(world)
     content = {"world": world_json(world), "effects": [effect_json(e) for e in world.effects]}
+    clean = [episode.states for episode in recording.episodes]
     return rivals(Answer(content, clean, answer.own, answer.episode), recording)
-
-
-def main_world(answer: Answer) -> World:
-    """The world with its main effects alone, an even log, and noise that stands for all that was taken away."""
-    world = answer.world
-    steps = world.rough.quantum if world.rough else {}
-    left = answer.content["machine" if world.machine else "rough"]["left"]
-    noise = {
-        n: float(np.sqrt(sd**2 + steps.get(n, 0.0) ** 2 / 12.0 + left.get(n, 0.0) ** 2))
-        for n, sd in world.noise.items()
-    }
-    return replace(world, effects=world.main, rough=None, noise=noise)
-
-
-# Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
-# constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.
-EQUIVALENTS_VERSION = 6
-LOST = 3.0  # nats
-WINDOWS, FITTED = 60, 10
-PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
-UNEXPLAINED = 0.2  # share of the misfit that the engine's error may leave of a truth
-NUMERICAL = 1000.0  # nats of it
-EXPANDED = 6  # equivalents that get rivals of their own
-Claims = tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Families and places, and the nats of expected log likelihood that they lose against the truth."""
-
-    claims: Claims
-    loss: float
-    richer: bool
-
-    @property
-    def equivalent(self) -> bool:
-        """Whether no recording of the kind could tell it from the truth.
-
-        One that gains does so on the engine's numerical error, which is all that is left between the two.
-        """
-        return self.loss < LOST and not self.richer
 
 
 def rivals(answer: Answer, recording: Recording) -> list[Rival]:
@@ -79,19 +107,11 @@ def rivals(answer: Answer, recording: Recording) -> list[Rival]:
     world = answer.world
     if not world.effects:
         return []
-    clean = replace(
-        recording,
-        episodes=tuple(replace(e, states=s) for e, s in zip(recording.episodes, answer.clean, strict=True)),
-        noise=dict(world.noise),
-        held_out=None,
-    )
+    clean = replace(cleaned(recording, answer), noise=dict(world.noise))
     simulator = make_simulator(world.system)
-    parameters = simulator.defaults(clean.parameters)
-    problem = prepare(clean, simulator, parameters).everything
-    problem = problem.on(spread_out(problem.windows, WINDOWS, problem.run.settings.prepare.fewest))
-    judge = _Judge(problem, candidates(clean, simulator, parameters), clean.transition_count)
+    offers = candidates(clean, simulator, simulator.defaults(clean.parameters))
     best: dict[Claims, Rival] = {}
-    for rival in judge.rivals(world.effects):
+    for rival in _Judge(Fits(clean, simulator, WINDOWS, (14, 0.05), offers)).rivals(world.effects):
         if rival.claims not in best or rival.loss < best[rival.claims].loss:
             best[rival.claims] = rival
     return sorted(best.values(), key=lambda r: r.loss)
@@ -100,31 +120,29 @@ def rivals(answer: Answer, recording: Recording) -> list[Rival]:
 class _Judge:
     """Fits hypotheses to the clean windows and tells what they lose."""
 
-    def __init__(self, problem: Problem, offers: Sequence[Candidate], transitions: int) -> None:
-        self._problem, self._offers = problem, offers
-        self._whole = max(transitions / max(float(problem.windows.valid[:, 1:].sum()), 1.0), 1.0)
+    def __init__(self, fits: Fits) -> None:
+        self._fits, self._problem, self._offers = fits, fits.problem, fits.offers
 
     def rivals(self, effects: Sequence[TrueEffect]) -> list[Rival]:
         """Every rival that was fitted."""
         inside = [e for e in effects if not e.outside]
         found: list[Fit] = []
         for dropped in effects:
-            parent = self._fitted(self._hypothesis([e for e in inside if e is not dropped]))
+            parent = self._fits.of([e for e in inside if e is not dropped])
             own = None if dropped.outside else (dropped.family, dropped.on)
             found += [parent, *self._replacements(parent, own, Gate(dropped.region, dropped.since))]
         size = sum(len(e.values) for e in effects)
         if len(inside) < len(effects):
             return self._judged(found, 0.0, size)
-        truth = self._hypothesis(inside)
-        fitted = self._fitted(truth)
-        if not self._explains(fitted):
+        truth = as_hypothesis(inside, self._offers)
+        fitted = self._fits.fitted(truth)
+        if not self._fits.explains(self._fits.misfit(fitted)):
             return []
         found += self._near(fitted)
-        least = self._least(truth, fitted, found)
-        equal = [f for f in self._as_good(found, least, size) if f.hypothesis.terms]
-        for rival in equal[:EXPANDED]:
+        equal = self._as_good(found, self._least(truth, fitted, found), size)
+        for rival in [f for f in equal if f.hypothesis.terms][:EXPANDED]:
             for i, term in enumerate(rival.hypothesis.terms):
-                parent = self._fitted(rival.hypothesis.without(i))
+                parent = self._fits.fitted(rival.hypothesis.without(i))
                 others = self._replacements(parent, term.identity, term.gate)
                 found += [f for f in (parent, *others) if f.hypothesis.claims != truth.claims]
             found += [f for f in self._near(rival) if f.hypothesis.claims != truth.claims]
@@ -134,19 +152,11 @@ class _Judge:
         found = replaced_near(self._problem, self._offers, at) + continued(self._problem, self._offers, at)
         return [f for f in found if not any(_a_patch(t.family, t.on, t.gate) for t in f.hypothesis.terms)]
 
-    def _hypothesis(self, effects: Sequence[TrueEffect]) -> Hypothesis:
-        return as_hypothesis(effects, self._offers)
-
-    def _explains(self, truth: Fit) -> bool:
-        """Whether the answer explains its own recording; of one that does not nothing can be said."""
-        left, all_ = self._misfit(truth), self._misfit(self._fitted(Hypothesis(scheme="fine")))
-        return left < UNEXPLAINED * all_ or self._whole * left < NUMERICAL
-
     def _judged(self, found: Sequence[Fit], least: float, size: int) -> list[Rival]:
         return [
             Rival(
-                _claims(f.hypothesis),
-                round(self._whole * (self._misfit(f) - least), 3),
+                tuple(sorted(term.identity for term in f.hypothesis.terms)),
+                round(self._fits.whole * (self._fits.misfit(f) - least), 3),
                 len(f.hypothesis.parameters) > size,
             )
             for f in found
@@ -159,70 +169,40 @@ class _Judge:
         a gain and a bias).
         """
         best: dict[Claims, Fit] = {}
+        misfit = self._fits.misfit
         for rival, f in zip(self._judged(found, least, size), found, strict=True):
-            if rival.loss < LOST and (
-                rival.claims not in best or self._misfit(f) < self._misfit(best[rival.claims])
-            ):
+            better = rival.claims not in best or misfit(f) < misfit(best[rival.claims])
+            if rival.loss < LOST and better:
                 best[rival.claims] = f
-        return sorted(best.values(), key=self._misfit)
+        return sorted(best.values(), key=misfit)
 
     def _least(self, truth: Hypothesis, fitted: Fit, found: Sequence[Fit]) -> float:
         """The truth's own misfit: the engine's numerical error. A rival that beats it shows where its fit got stuck."""
-        own, best = self._misfit(fitted), min(found, key=self._misfit)
-        if own - self._misfit(best) < LOST / self._whole:
+        misfit = self._fits.misfit
+        own, best = misfit(fitted), min(found, key=misfit)
+        if own - misfit(best) < LOST / self._fits.whole:
             return own
-        return min(own, self._misfit(fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)))
+        return min(own, misfit(fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)))
 
     def _replacements(self, parent: Fit, own: tuple[str, str] | None, gate: Gate) -> list[Fit]:
         """The parent with one more of what is not there yet, behind the gate of the effect that is gone, too."""
         taken = parent.hypothesis.claims | ({own} if own else frozenset())
         offers = [c for c in self._offers if c.identity not in taken and not c.only_gated]
         directions = Directions(self._problem, parent)
-        ranking = screened(directions, offers)
         needed = PROMISING * 0.5 * float((directions.rest**2).sum())
         out = []
-        for worth, candidate, start in ranking[:FITTED]:
+        for worth, candidate, start in screened(directions, offers)[:FITTED]:
             term = candidate.term(start)
             if worth > needed:
-                out.append(self._fitted(parent.hypothesis.plus(term, candidate.declared)))
+                out.append(self._plus(parent, term, candidate))
             if gate and candidate.gateable and not _a_patch(candidate.family, candidate.place.on, gate):
-                gated = replace(term, gate=gate)
-                out.append(self._fitted(parent.hypothesis.plus(gated, candidate.declared)))
+                out.append(self._plus(parent, replace(term, gate=gate), candidate))
         return out
 
-    def _fitted(self, hypothesis: Hypothesis) -> Fit:
-        starts: FloatArray = self._problem.windows.measured[:, 0]
-        return fit(self._problem, hypothesis, starts, iterations=14, tolerance=0.05)
-
-    def _misfit(self, found: Fit) -> float:
-        """Half the sum of squares in standard deviations of the world's noise."""
-        seen = self._problem.observed
-        return float(0.5 * ((found.residuals[..., seen] / self._problem.floor[seen]) ** 2).sum())
-
-
-def as_hypothesis(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> Hypothesis:
-    """Effects of the catalogue with their true values and gates, finely integrated; offers hold their places."""
-    out = Hypothesis(scheme="fine")
-    for effect in effects:
-        variant = "coefficient" if "coefficient" in effect.values else ""
-        candidate = next(
-            c for c in offers if c.identity == (effect.family, effect.on) and c.variant == variant
-        )
-        values = [effect.values[p.name] for p in candidate.declared]
-        term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
-        # The truth may lie where the catalogue would not search.
-        wide = [
-            replace(p, low=min(p.low, v), high=max(p.high, v))
-            for p, v in zip(candidate.declared, values, strict=True)
-        ]
-        out = out.plus(term, tuple(wide))
-    return out
+    def _plus(self, parent: Fit, term: Any, candidate: Candidate) -> Fit:
+        return self._fits.fitted(parent.hypothesis.plus(term, candidate.declared))
 
 
 def _a_patch(family: str, on: str, gate: Gate) -> bool:
     """Coulomb friction in a region of its own coordinate is a patch by another name, and nobody says it so."""
     return family == "coulomb_friction" and on in gate.region
-
-
-def _claims(hypothesis: Hypothesis) -> Claims:
-    return tuple(sorted(term.identity for term in hypothesis.terms))
