@@ -25,8 +25,8 @@ from gpsim.trials.blinding.machine_worlds import conceal_machine
 from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
-from gpsim.trials.robots import arms_places, layout_of
-from gpsim.trials.robots.draws import ARMS
+from gpsim.trials.robots import layout_of
+from gpsim.trials.robots.draws import ARMS, arms_places
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FREE,

@@ -10,17 +10,12 @@ from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.mjcf import load_mjcf
 from gpsim.trials.robots import (
-    ROBOTS,
     ROBOTS_FROM,
     SHOWS,
-    STRENGTHS,
-    Plant,
     draw_robot,
     files_of,
     layout_of,
     models,
-    places_of,
-    planned,
     recorded,
     robot_rank,
     run,
@@ -28,11 +23,10 @@ from gpsim.trials.robots import (
     sound,
     spec_of,
     stratum_of,
-    tilted,
 )
-from gpsim.trials.robots.draws import ALIKE
-from gpsim.trials.robots.models import Drives, Robot
-from gpsim.trials.robots.plant import QUARTER
+from gpsim.trials.robots.draws import ALIKE, STRENGTHS, places_of, planned
+from gpsim.trials.robots.models import ROBOTS, Drives, Robot
+from gpsim.trials.robots.plant import QUARTER, Plant, tilted
 from gpsim.trials.worlds import TrueEffect
 
 mujoco = pytest.importorskip("mujoco")

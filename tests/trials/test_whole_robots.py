@@ -15,25 +15,22 @@ from gpsim.trials.blinding.trial_files import recording_digests
 from gpsim.trials.rivals.robot_rivals import bodies_off
 from gpsim.trials.robots import (
     ROWS,
-    WHOLE,
     WHOLE_FROM,
-    Plant,
-    Stepped,
     body_torques,
-    dealt,
     draw_whole,
     files_of,
     layout_of,
     motion_of,
-    robot_of,
     run_whole,
     shares_of,
     sound,
     spec_of,
-    step_of,
     whole,
 )
-from gpsim.trials.robots.whole import joint_torques, of_body
+from gpsim.trials.robots.models import WHOLE, robot_of
+from gpsim.trials.robots.plant import Plant
+from gpsim.trials.robots.running import Stepped, step_of
+from gpsim.trials.robots.whole import dealt, joint_torques, of_body
 from gpsim.trials.worlds import TrueEffect
 
 pytest.importorskip("mujoco")

@@ -13,7 +13,8 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import draw, draw_rough, rank_of, within
-from gpsim.trials.truth import OneStep, Shares, one_step, run, true_curve, visibilities
+from gpsim.trials.outside import true_curve
+from gpsim.trials.truth import OneStep, Shares, one_step, run, visibilities
 from gpsim.trials.worlds import SYSTEMS, Run, World, effect_json, sound, world_json
 
 Json = Mapping[str, Any]

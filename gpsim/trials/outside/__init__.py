@@ -12,6 +12,12 @@ Random laws of one input (CURVES) are drawn for worlds of their own, which prove
 Laws here are never shared with `gpsim.effects`.
 """
 
+from collections.abc import Mapping
+from typing import TypeVar
+
+# Kinds are listed as their files are read.
+from gpsim.trials.outside import actuators, coupled_forces, forces, hidden_forces, sensors, twists  # noqa: F401
+from gpsim.trials.outside.free_curves import FreeCurve, true_curve
 from gpsim.trials.outside.kind import (
     Actuator,
     CoupledForce,
@@ -20,10 +26,10 @@ from gpsim.trials.outside.kind import (
     HiddenForce,
     HiddenTwist,
     Inertia,
+    Kind,
     SensorWithMemory,
     Twist,
 )
-from gpsim.trials.outside.registry import CURVES, EVERY_KIND, KINDS, at_site, drawn, nuisances
 
 __all__ = [
     "CURVES",
@@ -41,4 +47,42 @@ __all__ = [
     "at_site",
     "drawn",
     "nuisances",
+    "true_curve",
 ]
+
+TUNING = range(1, 100)
+"""Seeds that tuning may use."""
+REVEALED = 2031
+"""The last seed whose measurement is published."""
+K = TypeVar("K", bound=Kind)
+CURVES: Mapping[str, type[FreeCurve]] = {n: k for n, k in Kind.listed.items() if issubclass(k, FreeCurve)}
+"""Random laws of one input, which only the worlds that prove measured curves hold."""
+KINDS: Mapping[str, type[Kind]] = {n: k for n, k in Kind.listed.items() if n not in CURVES}
+EVERY_KIND: Mapping[str, type[Kind]] = {**KINDS, **CURVES}
+
+
+def at_site(site: type[K]) -> dict[str, type[K]]:
+    """The kinds that act at a site."""
+    return {name: kind for name, kind in EVERY_KIND.items() if issubclass(kind, site)}
+
+
+def drawn(seed: int) -> dict[str, type[Kind]]:
+    """The kinds that a seed may draw: those for every seed, and the newest that began with it or before it.
+
+    Seeds for tuning draw those for every seed alone. So half of the kinds of a measurement can run for the first time,
+    and the worlds of a seed stay what they are when kinds are added with a later `since`.
+    """
+    if seed in TUNING:
+        return {name: kind for name, kind in KINDS.items() if kind.since is None}
+    newest = max(kind.since for kind in KINDS.values() if kind.since is not None and kind.since <= seed)
+    return {name: kind for name, kind in KINDS.items() if kind.since in (None, newest)}
+
+
+def nuisances(seed: int) -> dict[str, type[Kind]]:
+    """The kinds that a seed's rough worlds may hold beside their main effects: those it draws.
+
+    Seeds for tuning may hold every kind of the measurements that were revealed, too.
+    """
+    if seed in TUNING:
+        return {name: kind for name, kind in KINDS.items() if kind.since is None or kind.since <= REVEALED}
+    return drawn(seed)

@@ -1,7 +1,7 @@
 """Equivalents of a world's effects; of a rough one's those of the same world without nuisances and without a rough log.
 
 What is dear to find out about a trial, PySINDy's answer beside it, is kept in OUT/equivalents/NAME.json. It follows
-from the answer and the recording alone: another answer, another recording or another version of the rule is listed anew.
+from the answer and the recording alone: another answer, recording or version of the rule is listed anew.
 """
 
 from __future__ import annotations

@@ -1,31 +1,24 @@
 """Robots: worlds whose simulator is a MuJoCo model, from a seed to what truly happened and how much of it shows.
 
-`ROBOTS` are models from wheels of others and one written here, `draw_robot` draws a world, `run` drives it, `Plant` is
-what truly moves, `shown` says how much each effect shows, `recorded` is the log that a user would have. `draw_whole`
-draws a whole robot, which may be any of `WHOLE`; `run_whole` drives it, `Stepped` is what truly moves, `shares_of` says
-what each effect asks of its joint.
+`models` are those of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `plant` is
+what truly moves, `shown` says how much each effect shows, `recorded` is the log that a user would have. `draw_whole` draws a
+whole robot, `run_whole` drives it, `shares_of` says what each effect asks of its joint.
 """
 
 from gpsim.trials.robots.draws import (
     ROBOTS_FROM,
-    STRENGTHS,
-    arms_places,
     draw_arm,
     draw_robot,
-    places_of,
-    planned,
     robot_rank,
     stratum_of,
 )
 from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.models import ROBOTS, WHOLE, Files, Layout, files_of, layout_of, robot_of, spec_of
-from gpsim.trials.robots.plant import Plant, tilted
-from gpsim.trials.robots.running import SHOWS, Stepped, recorded, run, run_whole, shown, step_of
+from gpsim.trials.robots.models import Layout, files_of, layout_of, spec_of
+from gpsim.trials.robots.running import SHOWS, recorded, run, run_whole, shown
 from gpsim.trials.robots.whole import (
     ROWS,
     WHOLE_FROM,
     body_torques,
-    dealt,
     draw_whole,
     joint_torques,
     motion_of,
@@ -35,20 +28,12 @@ from gpsim.trials.robots.whole import (
 )
 
 __all__ = [
-    "ROBOTS",
     "ROBOTS_FROM",
     "ROWS",
     "SHOWS",
-    "STRENGTHS",
-    "WHOLE",
     "WHOLE_FROM",
-    "Files",
     "Layout",
-    "Plant",
-    "Stepped",
-    "arms_places",
     "body_torques",
-    "dealt",
     "draw_arm",
     "draw_robot",
     "draw_whole",
@@ -57,10 +42,7 @@ __all__ = [
     "layout_of",
     "motion_of",
     "of_body",
-    "places_of",
-    "planned",
     "recorded",
-    "robot_of",
     "robot_rank",
     "run",
     "run_whole",
@@ -68,8 +50,6 @@ __all__ = [
     "shown",
     "sound",
     "spec_of",
-    "step_of",
     "stratum_of",
-    "tilted",
     "whole_rank",
 ]

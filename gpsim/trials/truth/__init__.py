@@ -5,7 +5,6 @@ or `gpsim.diagnosis`.
 """
 
 from gpsim.trials.truth.body import Moving, mujoco, native
-from gpsim.trials.truth.curves import true_curve
 from gpsim.trials.truth.replay import OneStep, Replay, one_step, picked
 from gpsim.trials.truth.running import Frame, driven, noise_of, run
 from gpsim.trials.truth.shares import Shares, visibilities
@@ -23,6 +22,5 @@ __all__ = [
     "one_step",
     "picked",
     "run",
-    "true_curve",
     "visibilities",
 ]

@@ -16,8 +16,16 @@ from gpsim.trials.worlds.excitation import (
     sound,
     starts,
 )
-from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
-from gpsim.trials.worlds.systems import SYSTEMS, System, dynamics, load_on_track
+from gpsim.trials.worlds.systems import (
+    SYSTEMS,
+    Dial,
+    Scales,
+    System,
+    dynamics,
+    load_on_track,
+    rounded,
+    waves,
+)
 from gpsim.trials.worlds.world import (
     STRATA,
     Machine,
