@@ -1,6 +1,6 @@
 """Robots: worlds whose simulator is a MuJoCo model, from a seed to what truly happened and how much of it shows.
 
-`models` are of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `plant` truly moves,
+`models` are of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `plant` moves,
 `shown` says how much each effect shows, `recorded` is the log that a user would have. `draw_whole` draws a whole robot,
 `run_whole` drives it, `shares_of` says what each effect asks of its joint.
 """
