@@ -134,7 +134,10 @@ def answer_of(kind):
     told = {"family": effect.family, "on": effect.on, "outside": True, "parameters": dict(effect.values)}
     curve = true_curve(world, run(world, world.effects))
     return Answer(
-        {"effects": [told], "curve": curve, "visible": True}, [], np.zeros(0), np.zeros(0, dtype=int)
+        {"stratum": "curves", "effects": [told], "curve": curve, "visible": True},
+        [],
+        np.zeros(0),
+        np.zeros(0, dtype=int),
     )
 
 
