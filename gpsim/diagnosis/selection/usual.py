@@ -39,7 +39,7 @@ FREE = 0.5  # nats that terms may cost together and still go at once, without a 
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
-LATE, ROTOR = "actuator_delay", "armature"
+LATE = "actuator_delay"
 MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
@@ -173,14 +173,11 @@ def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
 
 
 def _begun(usual: Sequence[Candidate], which: dict[int, int]) -> Hypothesis:
-    """All terms: those scanned at one of their starting values, rotors at a usual one, all others at nothing.
-
-    A light wrist without a rotor whirls: friction that holds it still is the nearest place that is better, and wrong.
-    """
+    """All terms: those scanned at one of their starting values, all others at nothing."""
     out = Hypothesis()
     for i, c in enumerate(usual):
-        begins = which.get(i, 0 if c.family == ROTOR else None)
-        out = child_of(out, c, _nothing(c) if begins is None else (c.declared[0].starts[begins],))
+        start = (c.declared[0].starts[which[i]],) if i in which else _nothing(c)
+        out = child_of(out, c, start)
     return out
 
 
