@@ -27,7 +27,7 @@ import numpy as np
 import pandas as pd
 
 from gpsim.mjcf.specs import spec_of
-from gpsim.trials.robots.models import Robot, robot_of
+from gpsim.trials.robots import Robot, robot_of
 
 CONTROL, STEP, SECONDS = 0.002, 0.0005, 40.0  # s
 WAVES, BASE, BANDWIDTH = 5, 0.1, 2.0  # of the trajectory; Hz of its slowest; Hz of the controller

@@ -13,7 +13,7 @@ from gpsim.trials.robots.draws import (
     stratum_of,
 )
 from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.models import Layout, files_of, layout_of, spec_of
+from gpsim.trials.robots.models import Layout, Robot, files_of, layout_of, robot_of, spec_of
 from gpsim.trials.robots.running import SHOWS, recorded, run, run_whole, shown
 from gpsim.trials.robots.whole import (
     ROWS,
@@ -33,6 +33,7 @@ __all__ = [
     "SHOWS",
     "WHOLE_FROM",
     "Layout",
+    "Robot",
     "body_torques",
     "draw_arm",
     "draw_robot",
@@ -43,6 +44,7 @@ __all__ = [
     "motion_of",
     "of_body",
     "recorded",
+    "robot_of",
     "robot_rank",
     "run",
     "run_whole",
