@@ -26,7 +26,7 @@ TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its squ
 MEDIAN = 0.5  # quantile
 REFLECTED = 0.3
 """Of the inertia that would turn a joint's forces into its accelerations, that a rotor behind gears may well be: at a
-wrist it is thousands of times what it moves (a made log of an arm of seven joints), and friction takes the rest."""
+wrist it is a thousand times what it moves (a made log of an arm of seven joints), and friction takes the rest."""
 
 
 class Sizes:
