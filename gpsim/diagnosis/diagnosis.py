@@ -134,7 +134,7 @@ def _searched(
     question = prepare(recording, simulator, parameters, run)
     offers = offers_of(question)
     step("usual machine", 5, "asking for all that machines usually have")
-    usual = usual_machine(question.searched, offers)
+    usual = usual_machine(question, offers)
     step("search", 15)
     found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(15, 40), usual)
     step("refine grid", 40, "fitting the best on all windows")

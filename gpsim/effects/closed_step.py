@@ -39,6 +39,12 @@ class ClosedStep(Protocol):
         """The same for motion near these states (N, S), without what plays no part there: contacts."""
         ...
 
+    def lacking_force(
+        self, state: FloatArray, action: FloatArray, acceleration: FloatArray, parameters: Mapping[str, float]
+    ) -> FloatArray:
+        """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C)."""
+        ...
+
     def rolled(
         self,
         terms: Sequence[Term],

@@ -189,15 +189,17 @@ class MjcfSimulator(Simulator):
         model, every = self._body.model, self._looked(state, action, parameters)
         return np.concatenate([dense(model, pool.simulations.bind("M")[: len(acc)]) for acc, pool in every])
 
-    def generalised_force(
+    def lacking_force(
         self, state: FloatArray, action: FloatArray, acceleration: FloatArray, parameters: Parameters
     ) -> FloatArray:
-        """(B, nv): the force on every degree of freedom that the model lacks where it accelerates so (B, nv).
+        """(B, C): the force on every coordinate that the model lacks where they accelerate so (B, C).
 
         As MuJoCo's inverse dynamics less actuation, where nothing touches.
         """
-        lacks = acceleration - self.rates(state, action, parameters)
-        return np.asarray((self.inertia(state, parameters) @ lacks[..., None])[..., 0])
+        every = np.zeros((len(state), self._body.model.nv))
+        every[:, self._dofs] = acceleration
+        lacks = every - self.rates(state, action, parameters)
+        return np.asarray((self.inertia(state, parameters) @ lacks[..., None])[:, self._dofs, 0])
 
     def touching(self, state: FloatArray) -> BoolArray:
         """(B,): whether something touches, or a joint is at its limit, in each state."""

@@ -38,7 +38,7 @@ def asked():
 @pytest.fixture(scope="module")
 def path(asked):
     question, offers = asked
-    return usual_machine(question.searched, offers)
+    return usual_machine(question, offers)
 
 
 @pytest.fixture(scope="module")

@@ -360,7 +360,7 @@ def test_of_a_free_joint_no_effect_is_asked(tmp_path):
 def test_the_force_that_is_lacking_is_what_inverse_dynamics_say(double):
     state, action = random_states(double, 5, np.random.default_rng(8))
     acceleration = np.random.default_rng(9).normal(size=(5, 2))
-    lacking = double.generalised_force(state, action, acceleration, double.defaults())
+    lacking = double.lacking_force(state, action, acceleration, double.defaults())
     model = mujoco.MjModel.from_xml_string(DOUBLE)
     data = mujoco.MjData(model)
     for s, a, acc, force in zip(state, action, acceleration, lacking, strict=True):

@@ -12,7 +12,8 @@ from mjcf_models import DOUBLE, written
 from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, scores
 from gpsim.diagnosis.fitting.descent import Descent
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.selection import is_row, usual_machine, whole_robot
+from gpsim.diagnosis.selection import usual_machine, whole_robot
+from gpsim.diagnosis.setup import is_row
 from gpsim.diagnosis.selection.refit import _pardoned
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.diagnosis.setup.guesses import speed_of
@@ -102,7 +103,7 @@ def test_slopes_that_learn_from_steps_end_nearer_in_as_many(rubbing, monkeypatch
 
 def _begun(question):
     """What the best account of the usual machine says, its sizes by family and place."""
-    path = usual_machine(question.searched, offers_of(question))
+    path = usual_machine(question, offers_of(question))
     best = path[int(np.argmax(scores(question.searched, path)))]
     return {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
 

@@ -20,9 +20,9 @@ from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.twins import unsure_twins
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
-from gpsim.diagnosis.selection import is_row, lean, required_in, whole_robot
+from gpsim.diagnosis.selection import lean, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import Question, is_row
 from gpsim.effects import closed
 
 HARMS = 0.003

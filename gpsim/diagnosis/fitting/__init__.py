@@ -27,7 +27,7 @@ from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, p
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
-from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
+from gpsim.diagnosis.fitting.problem import Problem, mean_squares, objective, window_costs
 from gpsim.diagnosis.fitting.quadratic import Quadratic, quadratic
 from gpsim.diagnosis.fitting.rollout import Extra, Pushes
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
@@ -68,6 +68,7 @@ __all__ = [
     "jacobians",
     "mean_squares",
     "numerical_error",
+    "objective",
     "predicted",
     "price",
     "projected",

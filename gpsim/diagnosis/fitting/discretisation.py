@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +21,6 @@ ERROR_MARGIN = 2.0
 """On the change when the substep is halved (a third-order scheme's error is 8/7 of that change, 4/3 where friction
 stops a body)."""
 ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
-LIKELY_ITERATIONS = 15  # of the fit of a likely machine, for which steps are chosen where the base whirls
-CAUTIOUS = 0.1
-"""Of the rotors so fitted, for which steps are chosen: the lighter, the faster all moves, and a fit from far off takes
-friction for inertia (ten times as much on a made log of an arm of seven joints)."""
 FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
 FINER_SHARE = 0.01
 """Of the variance left over, that it must take off where steps are dear: half of what a term must."""
@@ -58,22 +55,19 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
-def stepped(problem: Problem, likely: Hypothesis) -> Problem:
+def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
     """The question to a simulator that owns its integration in the steps that cost least of those exact enough.
 
     Those are its own, or fewer by a method of higher order: what its own step is off by would pass for physics, and
-    what happens in truth knows no step. Where none will do for the base, those that do for `likely`: light links
-    without rotor and friction whirl as no machine does. Where none will do for that, the most exact.
+    what happens in truth knows no step. Where none will do for the base, those that do for a `likely` machine: light
+    links without rotor and friction whirl as no machine does. Where none will do for that, the most exact.
     """
     system = closed(problem.simulator)
     assert system is not None
     problem, hypothesis = replace(problem, substeps=system.steps_of(problem.dt)), Hypothesis()
     best, off = _cheapest(problem, system, hypothesis)
-    if off > 1.0 and likely.terms:
-        finely = replace(problem, simulator=system.exact())
-        found = fit(finely, likely, problem.windows.measured[:, 0], iterations=LIKELY_ITERATIONS)
-        rotors = np.array([t.family == "armature" for t in likely.terms for _ in t.values])
-        hypothesis = likely.having(np.where(rotors, CAUTIOUS, 1.0) * found.hypothesis.theta)
+    if off > 1.0:
+        hypothesis = likely()
         best, _ = _cheapest(problem, system, hypothesis)
     return _with_slopes(best, system, hypothesis)
 

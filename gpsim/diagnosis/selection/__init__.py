@@ -3,7 +3,7 @@
 from gpsim.diagnosis.selection.acceptance import Acceptance, Rule, accepts, on_its_grid, pays
 from gpsim.diagnosis.selection.beam import Found, Note, beam_search
 from gpsim.diagnosis.selection.differences import told_apart, told_apart_to_the_end
-from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, is_row, lean, simplest, whole_robot
+from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, lean, simplest, whole_robot
 from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.heavy_tails import without_tails
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
@@ -32,7 +32,6 @@ __all__ = [
     "held_out_fit",
     "held_out_objective",
     "inertias",
-    "is_row",
     "lack_of_fit",
     "lack_of_memory",
     "lean",

@@ -25,7 +25,8 @@ from gpsim.diagnosis.selection.acceptance import LEAST_PART, pays
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.selection.gates import NEAR_REACH
 from gpsim.diagnosis.settings import schedules
-from gpsim.effects import Effect, Gate, closed
+from gpsim.diagnosis.setup import is_row
+from gpsim.effects import Gate, closed
 from gpsim.recordings import evenly
 
 SCREENING_WINDOWS_OF_A_ROBOT = 48
@@ -155,11 +156,6 @@ def only_noise(problem: Problem, leader: Fit) -> bool:
 
 STARTS = 3  # steps of a fit of start states by slopes that are known
 ROWS = 3  # of them are a machine, identified all at once
-
-
-def is_row(effect: Effect) -> bool:
-    """Whether it is one of what every joint of a robot usually has: friction, a motor's inertia, an offset."""
-    return bool(effect.usual) and (effect.site == "force" or effect.family == "armature")
 
 
 def for_screening(problem: Problem) -> int:

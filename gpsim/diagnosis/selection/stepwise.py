@@ -33,7 +33,6 @@ from gpsim.diagnosis.selection.elimination import (
     FINE_SPACING,
     doubtful,
     for_screening,
-    is_row,
     lean,
     likeliest,
     on_some_windows,
@@ -56,7 +55,7 @@ from gpsim.diagnosis.selection.reconsidered import reconsidered
 from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import Question, is_row
 from gpsim.effects import Effect, LooksAt, closed, effect_of
 
 AGAIN_BUDGET = 4e7

@@ -5,7 +5,7 @@ commands) and drops what the data do not ask for. A search that begins with noth
 a poor place where several large effects act together: none of them is good alone.
 
 1. All usual terms are fitted at once. Delays, lags and limits start from several values; all other terms start from
-   nothing, in which the windows are nearly linear.
+   nothing, in which the windows are nearly linear, or, of a robot, from what inverse dynamics says of them.
 2. Backward elimination by the Wald statistic (Wald 1943): terms that cost next to nothing go together, then the
    cheapest by turns, all others fitted anew.
 3. Every account on that path joins those of the beam search; evidence decides between them.
@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from gpsim.diagnosis.fitting import (
     Candidate,
@@ -30,9 +32,9 @@ from gpsim.diagnosis.fitting import (
     scores,
     whiteness,
 )
-from gpsim.diagnosis.selection.elimination import is_row
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
+from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_row
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
@@ -46,19 +48,18 @@ MISJUDGED = (
 )
 
 
-def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
+def usual_machine(question: Question, offers: Sequence[Candidate]) -> list[Fit]:
     """Fits of the full model and of its best parts, the largest first; none where no usual term is on offer."""
+    question = replace(question, searched=replace(question.searched, dry_steps={}))
+    problem = question.searched  # where friction stops a body matters when accounts are compared to the end
     usual = [c for c in offers if is_usual(problem, c)]
     if not usual:
         return []
-    problem = replace(
-        problem, dry_steps={}
-    )  # where friction stops a body matters when accounts are compared to the end
-    full = _full_model(problem, usual)
+    full = _sized(question, usual) or _full_model(problem, usual)
     path = taken_away(problem, full)
     late = [c for c in offers if _is_late(problem, c)]
     if late and _something_is_left(problem, path):
-        also = _all_late(problem, [*usual, *late])
+        also = _all_late(question, usual, late)
         if also.objective < full.objective:
             full = also
             path += _with_less(problem, full)
@@ -100,11 +101,13 @@ def _something_is_left(problem: Problem, path: list[Fit]) -> bool:
     return whiteness(problem, best)[0] <= problem.run.settings.acceptance.structured
 
 
-def _all_late(problem: Problem, every: Sequence[Candidate]) -> Fit:
-    """All terms from nothing, commands late by most of a sample: beside others that are late no single one is found."""
-    begun = Hypothesis()
-    for c in every:
-        begun = child_of(begun, c, (c.declared[0].starts[0],) if _is_late(problem, c) else _nothing(c))
+def _all_late(question: Question, usual: Sequence[Candidate], late: Sequence[Candidate]) -> Fit:
+    """All terms, commands late by most of a sample: beside others that are late no single one is found."""
+    problem, rows = question.searched, _begun(usual, {})
+    delays = [c.declared[0].starts[0] for c in late]
+    begun = by_inverse_dynamics(problem, question.recording, rows, float(np.median(delays))) or rows
+    for c, delay in zip(late, delays, strict=True):
+        begun = child_of(begun, c, (delay,))
     starts = problem.windows.measured[:, 0]
     found = fit_order(problem, Order(begun, starts, schedules.GLANCE, schedules.ROUGH))
     again = Order(found.hypothesis, found.starts, schedules.REFIT, schedules.ROUGH, near=True)
@@ -146,6 +149,16 @@ def _is_late(problem: Problem, candidate: Candidate) -> bool:
 def _is_mass(problem: Problem, candidate: Candidate) -> bool:
     """Whether it is the mass of a body of a robot."""
     return _dear(problem) and candidate.place.on.endswith(MASS)
+
+
+def _sized(question: Question, usual: Sequence[Candidate]) -> Fit | None:
+    """The fit of all terms at once from what inverse dynamics says of a robot; None where that says nothing."""
+    problem = question.searched
+    begun = by_inverse_dynamics(problem, question.recording, _begun(usual, {}))
+    if begun is None:
+        return None
+    starts = problem.windows.measured[:, 0]
+    return fit_order(problem, Order(begun, starts, schedules.REFIT, schedules.ROUGH, near=True))
 
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:

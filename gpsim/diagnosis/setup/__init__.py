@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
+from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_row
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -17,11 +18,13 @@ __all__ = [
     "Question",
     "Sight",
     "apart",
+    "by_inverse_dynamics",
     "candidates",
     "check_moves",
     "completed",
     "filters",
     "flagged",
+    "is_row",
     "look",
     "look_at",
     "mended",

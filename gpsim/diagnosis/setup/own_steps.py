@@ -8,6 +8,7 @@ import numpy as np
 
 from gpsim.channels import difference
 from gpsim.diagnosis.fitting import TOLERATED_STEP_ERROR, Hypothesis, Problem, dry_steps, growth
+from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, closed, effect_of
 from gpsim.recordings import Recording, evenly
@@ -18,8 +19,9 @@ SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
 
 BLOCKS = 40  # of an episode, in which means of commands are put in their place
 
-RUBS = "coulomb_friction"
-LIKELY = ("armature", "viscous_friction")
+ROTOR, RUBS, OFFSET = "armature", "coulomb_friction", "constant_force"
+LIKELY = (ROTOR, "viscous_friction")
+LIGHTEST = 0.1  # of the usual rotor, that one is for which steps are chosen
 
 
 def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
@@ -40,9 +42,18 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
 
 
 def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
-    """A rotor and viscous friction of the usual size at every joint, as machines have them."""
-    every = [h for family in LIKELY for h in _usual_terms(problem, recording, family)]
-    return Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
+    """A rotor and viscous friction at every joint, of sizes by inverse dynamics, or else usual ones.
+
+    No rotor is lighter than a part of the usual one: what would whirl without needs steps that no fit can afford.
+    """
+    every = [h for family in (*LIKELY, RUBS, OFFSET) for h in _usual_terms(problem, recording, family)]
+    usual = Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
+    found = by_inverse_dynamics(problem, recording, usual) or usual
+    least = [
+        LIGHTEST * v if t.family == ROTOR else -np.inf for t, v in zip(usual.terms, usual.theta, strict=True)
+    ]
+    found = found.having(np.maximum(found.theta, least))
+    return found.without_all([i for i, t in enumerate(found.terms) if t.family not in LIKELY])
 
 
 def _usual_terms(problem: Problem, recording: Recording, family: str) -> list[Hypothesis]:

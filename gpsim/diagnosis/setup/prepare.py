@@ -256,7 +256,8 @@ def _problem(
     )
     if closed(simulator) is None:
         return problem
-    return _in_steps_of(problem, like or stepped(_sample(problem), likely_machine(problem, recording)))
+    some = _sample(problem)
+    return _in_steps_of(problem, like or stepped(some, lambda: likely_machine(some, recording)))
 
 
 def _in_steps_of(problem: Problem, other: Problem) -> Problem:
