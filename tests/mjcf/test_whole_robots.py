@@ -13,9 +13,8 @@ from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, scores
 from gpsim.diagnosis.fitting.descent import Descent
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine, whole_robot
-from gpsim.diagnosis.setup import is_row
 from gpsim.diagnosis.selection.refit import _pardoned
-from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.diagnosis.setup import by_inverse_dynamics, is_row, offers_of, prepare
 from gpsim.diagnosis.setup.guesses import speed_of
 from gpsim.effects import effect_of
 from gpsim.stages.diagnose import Task, open_recording
@@ -106,6 +105,29 @@ def _begun(question):
     path = usual_machine(question, offers_of(question))
     best = path[int(np.argmax(scores(question.searched, path)))]
     return {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
+
+
+def test_inverse_dynamics_size_all_rows_within_their_bounds_and_without_a_simulation(rubbing):
+    question = rubbing[0]
+    found = by_inverse_dynamics(question.searched, question.recording, _frictions(question, 0.0))
+    theta, low = found.theta, [p.low for p in found.parameters]
+    assert theta == pytest.approx(_frictions(question, 1.0).theta, rel=0.35)
+    assert (theta >= low).all()
+
+
+def test_inverse_dynamics_of_late_commands_take_those_that_came_then(rubbing):
+    question = rubbing[0]
+    later = [replace(e, actions=np.roll(e.actions, -2, axis=0)) for e in question.recording.episodes]
+    late = replace(question.recording, episodes=tuple(later))  # so that what moved it comes two samples after
+    problem, rows = question.searched, _frictions(question, 0.0)
+    sized = by_inverse_dynamics(problem, question.recording, rows)
+    assert by_inverse_dynamics(problem, late, rows, 2 * DT).theta == pytest.approx(sized.theta, rel=0.1, abs=1e-3)
+
+
+def test_what_is_no_row_of_a_joint_is_not_sized_by_inverse_dynamics(rubbing):
+    question = rubbing[0]
+    heavy = _row(offers_of(question), "parameter_offset", "lower.mass", 1.1)
+    assert by_inverse_dynamics(question.searched, question.recording, child_of(Hypothesis(), *heavy)) is None
 
 
 def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubbing):
