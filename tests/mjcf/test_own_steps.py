@@ -109,7 +109,7 @@ def test_windows_of_what_falls_are_short(tmp_path):
 
 def test_growth_is_that_of_a_falling_pole(tmp_path):
     problem = swung(tmp_path, np.pi).everything
-    grown = growth(problem)
+    grown = growth(problem, Hypothesis())
     assert grown[0] == pytest.approx(1.0)
     rate = np.sqrt(GRAVITY / LENGTH)
     later = grown[-1] / grown[-3]

@@ -121,7 +121,9 @@ def test_inverse_dynamics_of_late_commands_take_those_that_came_then(rubbing):
     late = replace(question.recording, episodes=tuple(later))  # so that what moved it comes two samples after
     problem, rows = question.searched, _frictions(question, 0.0)
     sized = by_inverse_dynamics(problem, question.recording, rows)
-    assert by_inverse_dynamics(problem, late, rows, 2 * DT).theta == pytest.approx(sized.theta, rel=0.1, abs=1e-3)
+    assert by_inverse_dynamics(problem, late, rows, 2 * DT).theta == pytest.approx(
+        sized.theta, rel=0.1, abs=1e-3
+    )
 
 
 def test_what_is_no_row_of_a_joint_is_not_sized_by_inverse_dynamics(rubbing):

@@ -137,16 +137,16 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     return choices[-1]
 
 
-def growth(problem: Problem) -> FloatArray:
-    """(L + 1,) times as far apart two simulations by the base are after each transition that began slightly apart.
+def growth(problem: Problem, hypothesis: Hypothesis) -> FloatArray:
+    """(L + 1,) times as far apart two simulations are after each transition that began slightly apart.
 
     In the median of the windows that last as long, in typical sizes of what was observed; 1 where none lasts as long.
     """
-    nothing = Hypothesis()
     starts, valid = problem.windows.measured[:, 0], problem.windows.valid
     # In any direction: one that is the same everywhere may be the one that shrinks.
     aside = STATE_STEP * problem.scale * np.random.default_rng(0).normal(size=starts.shape)
-    one, other = problem.residuals(nothing, np.zeros((2, 0)), np.stack([starts, starts + aside]))
+    twice = np.tile(hypothesis.theta, (2, 1))
+    one, other = problem.residuals(hypothesis, twice, np.stack([starts, starts + aside]))
     apart = np.linalg.norm((other - one) / problem.scale, axis=2)
     apart /= np.linalg.norm(aside / problem.scale, axis=1)[:, None]
     lasts = valid.any(axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
         return {}
     rows = evenly(len(problem.windows), DRY_WINDOWS)
     some, found = problem.on(problem.windows.take(rows)), {}
-    for rubbing in _usual_terms(problem, recording, RUBS):
+    for rubbing in _usual_terms(problem, recording, (RUBS,)):
         times = dry_steps(some, rubbing)
         if times > 1:
             found[rubbing.terms[0].on] = times
@@ -46,7 +46,7 @@ def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
 
     No rotor is lighter than a part of the usual one: what would whirl without needs steps that no fit can afford.
     """
-    every = [h for family in (*LIKELY, RUBS, OFFSET) for h in _usual_terms(problem, recording, family)]
+    every = _usual_terms(problem, recording, (*LIKELY, RUBS, OFFSET))
     usual = Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
     found = by_inverse_dynamics(problem, recording, usual) or usual
     least = [
@@ -56,14 +56,15 @@ def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
     return found.without_all([i for i, t in enumerate(found.terms) if t.family not in LIKELY])
 
 
-def _usual_terms(problem: Problem, recording: Recording, family: str) -> list[Hypothesis]:
-    """An effect of its usual size at each of its places, one hypothesis each."""
-    simulator, effect = problem.simulator, effect_of(family)
+def _usual_terms(problem: Problem, recording: Recording, families: Sequence[str]) -> list[Hypothesis]:
+    """Effects of their usual sizes at each of their places, one hypothesis each."""
+    simulator, out = problem.simulator, []
     sizes = Sizes(recording, simulator, problem.parameters, problem.run.settings.candidates)
-    out = []
-    for on in effect.places(simulator):
-        declared = effect.parameters(sizes.place(effect, on))
-        out.append(Hypothesis((Term(family, on, {p.name: p.starts[0] for p in declared}),), (declared,)))
+    for effect in map(effect_of, families):
+        for on in effect.places(simulator):
+            declared = effect.parameters(sizes.place(effect, on))
+            term = Term(effect.family, on, {p.name: p.starts[0] for p in declared})
+            out.append(Hypothesis((term,), (declared,)))
     return out
 
 
@@ -95,8 +96,16 @@ def means_serve(
     return bool((np.sqrt(np.mean(change**2, axis=0)) <= tolerated).all())
 
 
-def steady_length(problem: Problem) -> int:
-    """Transitions of a window within which the base does not drive apart what began alike: fits get lost there."""
-    settings, longest = problem.run.settings.closed_step, problem.windows.length
-    (beyond,) = np.nonzero(growth(problem) > settings.unstable)
+def steady_length(problem: Problem, machine: Callable[[], Hypothesis]) -> int:
+    """Transitions of a window within which what began alike stays so: fits get lost where it is driven apart.
+
+    In the base, unless a likely `machine` is steady throughout: then light links whirl in the base alone.
+    """
+    longest, length = problem.windows.length, _steady(problem, Hypothesis())
+    return longest if length < longest == _steady(problem, machine()) else length
+
+
+def _steady(problem: Problem, hypothesis: Hypothesis) -> int:
+    limit, longest = problem.run.settings.closed_step.unstable, problem.windows.length
+    (beyond,) = np.nonzero(growth(problem, hypothesis) > limit)
     return min(max(int(beyond[0]) - 1, SHORTEST_UNSTABLE), longest) if len(beyond) else longest

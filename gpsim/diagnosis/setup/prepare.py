@@ -204,7 +204,8 @@ def _steady(
     """Shorter windows where unstable motion would drive apart what began alike."""
     settings = problem.run.settings
     some = spread_out(training, settings.closed_step.searched, settings.prepare.fewest)
-    length = steady_length(problem.on(some))
+    searched = problem.on(some)
+    length = steady_length(searched, lambda: likely_machine(searched, recording))
     return _parted(recording, length, settings) if length < training.length else (training, held)
 
 
