@@ -55,6 +55,24 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
+def inexact(problem: Problem, likely: Callable[[], Hypothesis]) -> FloatArray:
+    """(S,) the numerical error in the steps chosen; of a `likely` machine, where the base whirls as none does.
+
+    An error of half a radian of a wrist that whirls in the base would hide all that encoders tell of it.
+    """
+    error = numerical_error(problem)
+    if (error <= _tolerated(problem))[problem.observed].all():
+        return error
+    start = problem.windows.measured[:, 0]
+    at = fit(problem, likely().frozen(), start, iterations=ERROR_ITERATIONS)
+    return np.minimum(error, numerical_error(problem, at))
+
+
+def _tolerated(problem: Problem) -> FloatArray:
+    """(S,) what halving the steps may change, of a simulator that owns its integration."""
+    return np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / HIDDEN_BY_NOISE)
+
+
 def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
     """The question to a simulator that owns its integration in the steps that cost least of those exact enough.
 
@@ -75,7 +93,7 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
 def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
     """The steps that cost least of those exact enough, or the most exact; and what they are off by, as tolerated."""
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
-    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / HIDDEN_BY_NOISE)
+    tolerated = _tolerated(problem)
     best, least = problem, np.inf
     theta = hypothesis.theta[None]
     at = fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from gpsim.diagnosis.fitting import (
     Problem,
     enough_substeps,
     fit,
+    inexact,
     numerical_error,
     rescored,
     settled,
@@ -135,18 +137,21 @@ def prepare(
     ):  # else speeds are known from positions better than from a base that lacks much
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        before = problem
-        problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=before)
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
     if system is not None:
-        training, held = _steady(problem, seen, training, held)
-        problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=problem)
+        machine = cache(partial(likely_machine, _sample(problem), seen))
+        steps = stepped(_sample(problem), machine)
+        training, held = _steady(_in_steps_of(problem, steps), seen, training, held, machine)
+        problem = _in_steps_of(_problem(seen, simulator, parameters, training, hidden, log, run), steps)
         problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
+        problem = replace(problem, floor=np.hypot(problem.floor, inexact(_sample(problem), machine)))
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else SEARCHED_LONGER
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
     if system is not None:
         searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
-    problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
+    problem = replace(problem, base_steps=every)
+    problem = _with_mismatch(_fine_enough(problem) if system is None else problem)
     return Question(
         seen,
         problem.on(spread_out(training, fitted, fewest)),
@@ -199,13 +204,16 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
 
 
 def _steady(
-    problem: Problem, recording: Recording, training: Windows, held: Windows
+    problem: Problem,
+    recording: Recording,
+    training: Windows,
+    held: Windows,
+    machine: Callable[[], Hypothesis],
 ) -> tuple[Windows, Windows]:
     """Shorter windows where unstable motion would drive apart what began alike."""
     settings = problem.run.settings
     some = spread_out(training, settings.closed_step.searched, settings.prepare.fewest)
-    searched = problem.on(some)
-    length = steady_length(searched, lambda: likely_machine(searched, recording))
+    length = steady_length(problem.on(some), machine)
     return _parted(recording, length, settings) if length < training.length else (training, held)
 
 
@@ -224,12 +232,8 @@ def _problem(
     hidden: tuple[str, ...],
     log: LogLook,
     run: Run,
-    like: Problem | None = None,
 ) -> Problem:
-    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones.
-
-    like: one whose steps were chosen before, of a simulator that owns its integration.
-    """
+    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
     share, spread = HIDDEN_SCALE, training.measured[training.valid].std(axis=0)
@@ -242,7 +246,7 @@ def _problem(
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (LEAST_NOISE * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), grid.substeps[0], MOST_USUAL_SUBSTEPS))
     nothing = np.zeros(len(names))
-    problem = Problem(
+    return Problem(
         simulator,
         parameters,
         recording.dt,
@@ -255,10 +259,6 @@ def _problem(
         usual,
         run=run,
     )
-    if closed(simulator) is None:
-        return problem
-    some = _sample(problem)
-    return _in_steps_of(problem, like or stepped(some, lambda: likely_machine(some, recording)))
 
 
 def _in_steps_of(problem: Problem, other: Problem) -> Problem:
@@ -274,8 +274,6 @@ def _in_steps_of(problem: Problem, other: Problem) -> Problem:
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     settings, sample = problem.run.settings.discretisation, _sample(problem)
-    if closed(problem.simulator) is not None:  # its steps are chosen, what they are off by is noise
-        return replace(problem, floor=np.hypot(problem.floor, numerical_error(sample)))
     stands = (
         any(problem.simulator.coordinates) and problem.dt <= SLOW_STEP
     )  # friction may hold something at rest
