@@ -16,6 +16,7 @@ from gpsim.diagnosis.fitting import (
     channel_objectives,
     correlation_time,
     fit_all,
+    quadratic,
     scores,
 )
 from gpsim.diagnosis.selection import held_out_fit, pays, whole_robot
@@ -189,6 +190,11 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     if whole_robot(problem, rival.hypothesis):  # what both have the leader has earned
         theirs = leader.hypothesis.claims
         asked = [i for i in asked if rival.hypothesis.terms[i].identity not in theirs]
+        around = quadratic(problem, rival)
+        smooth = [i for i in asked if around.smooth[i]]
+        if not all(pays(problem, rival, around.refitted(problem, [i], schedules.GLANCE)) for i in smooth):
+            return False
+        asked = [i for i in asked if i not in smooth]
     parts = [rival.hypothesis.without(i) for i in asked]
     orders = [Order(part, rival.starts, schedules.REFIT, schedules.CLOSE) for part in parts]
     return all(pays(problem, rival, less) for less in fit_all(problem, orders))

@@ -80,12 +80,14 @@ def _usual_terms(hypothesis: Hypothesis) -> int:
 def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
     """The leader with one term less each, fitted anew; those that it clearly needs are left out.
 
-    Of a whole robot the others go where the quadratic says, and start states alone are fitted.
+    Of a whole robot the others go where the quadratic says, and start states alone are fitted: of the cheapest terms,
+    since those that cost more are needed where these are.
     """
     asked, near = doubtful(problem, leader), list[Fit]()
     if whole_robot(problem, leader.hypothesis):
         around = quadratic(problem, leader)
-        near = [around.refitted(problem, [i], STARTS) for i in asked if around.smooth[i]]
+        smooth = [i for i in asked if around.smooth[i]][:CHEAPEST]
+        near = [around.refitted(problem, [i], STARTS) for i in smooth]
         asked = [i for i in asked if not around.smooth[i]]
     parts = [leader.hypothesis.without(i) for i in asked]
     return near + _fitted_unless_needed(problem, leader, parts) if parts else near
@@ -154,6 +156,7 @@ def only_noise(problem: Problem, leader: Fit) -> bool:
     return whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured
 
 
+CHEAPEST = 5  # terms of a whole robot that are left out by turns
 STARTS = 3  # steps of a fit of start states by slopes that are known
 ROWS = 3  # of them are a machine, identified all at once
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gpsim.diagnosis.fitting import FINER_GAIN, Fit, Hypothesis, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.beam import Found
-from gpsim.diagnosis.selection.elimination import lean, simplest
+from gpsim.diagnosis.selection.elimination import lean, simplest, whole_robot
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question, settled_question
 from gpsim.effects import closed
@@ -35,7 +35,7 @@ def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
     fewer = _best_of_each(best, fits)[:TRIED_FINELY]
-    if not fewer or not _grid_matters(problem, [best, *fewer]):
+    if not fewer or whole_robot(problem, best.hypothesis) or not _grid_matters(problem, [best, *fewer]):
         return best, best
     grid = replace(problem, substeps=problem.most_finer * problem.substeps)
     finely = fit_all(grid, [_order(f) for f in fewer])

@@ -59,9 +59,9 @@ def refit(question: Question, found: Found) -> Contenders:
 def _without_idlers(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """What is left of fits of which a term came to do nothing on all windows: no account that holds one can lead."""
     idle = [f for f in fits if f.hypothesis.idle and f.hypothesis.working.terms]
-    orders = [
-        Order(f.hypothesis.working, f.starts, schedules.FINISH, schedules.FINAL, near=True) for f in idle
-    ]
+    robots = any(whole_robot(problem, f.hypothesis) for f in idle)  # the one that leads is finished later
+    most, least = (schedules.TRIAL, schedules.ROUGH) if robots else (schedules.FINISH, schedules.FINAL)
+    orders = [Order(f.hypothesis.working, f.starts, most, least, near=True) for f in idle]
     found = fit_all(problem, orders)
     known = [f.hypothesis for f in fits]
     return [f for f in found if not any(f.hypothesis.says_the_same_as(h) for h in known)]

@@ -21,7 +21,13 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import LEAST_LINEAR_GAIN, most_promising
-from gpsim.diagnosis.selection.elimination import CLEAR_LOSS, FINE_SPACING, for_screening, on_some_windows
+from gpsim.diagnosis.selection.elimination import (
+    CLEAR_LOSS,
+    FINE_SPACING,
+    for_screening,
+    on_some_windows,
+    whole_robot,
+)
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.selection.gates import NEAR_REACH, gated_children, makes_sense, moments, with_edges
 from gpsim.diagnosis.settings import schedules
@@ -58,9 +64,10 @@ def substitutes(
     special = _special_cases(old, open_offers) + _other_words(directions, old, offers)
     names = {candidate.identity for candidate, _ in special}
     others = [(c, start) for c, start in promising if c.identity not in names]
+    most_others = 1 if whole_robot(problem, leader.hypothesis) else SUBSTITUTES_FITTED
     children = [
         child
-        for candidate, start in [*special, *others[:SUBSTITUTES_FITTED]]
+        for candidate, start in [*special, *others[:most_others]]
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
     most = rescored(part, seen).objective + CLEAR_LOSS
