@@ -25,11 +25,13 @@ FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
 FINER_SHARE = 0.01
 """Of the variance left over, that it must take off where steps are dear: half of what a term must."""
 FINER_ITERATIONS = 8  # of a fit on a finer grid
-COARSER_STEPS = (20, 10, 5, 4, 3, 2)
-"""Times as long as its own the steps may be in which slopes are found, the first that will do."""
-TOLERATED_BY_COARSER = 0.003
-"""Of a channel's spread: what these longer steps may change in a window, root mean square (by hand, on an arm whose
-joints all rub: fits by worse slopes creep, and end far from where they should)."""
+COARSER_STEPS = (20, 10, 5, 4, 3, 2, 1)
+"""Times as long as its own the steps may be in which slopes are found, the cheapest that will do."""
+TOLERATED_BY_COARSER = 0.03
+"""Of what a slightly other start, or other sizes, change in a channel: what these longer steps may be off by, root mean
+square. So much leaves a Gauss-Newton step nearly as long, and is mended by what steps teach of slopes."""
+ASIDE = 1e-3  # of a channel's size, and
+LESS = 0.8  # times a likely machine's sizes, is how the changes are made that longer steps must tell
 TOLERATED_DRY_ERROR = 3e-4
 """Of a channel's spread: what stops of dry friction may be off by, if it is more than noise hides."""
 TOLERATED_STEP_ERROR, HIDDEN_BY_NOISE = 3e-5, 30.0
@@ -82,12 +84,11 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
     """
     system = closed(problem.simulator)
     assert system is not None
-    problem, hypothesis = replace(problem, substeps=system.steps_of(problem.dt)), Hypothesis()
-    best, off = _cheapest(problem, system, hypothesis)
+    problem = replace(problem, substeps=system.steps_of(problem.dt))
+    best, off = _cheapest(problem, system, Hypothesis())
     if off > 1.0:
-        hypothesis = likely()
-        best, _ = _cheapest(problem, system, hypothesis)
-    return _with_slopes(best, system, hypothesis)
+        best, _ = _cheapest(problem, system, likely())
+    return _with_slopes(best, system, likely())
 
 
 def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
@@ -112,24 +113,34 @@ def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> t
 
 
 def _with_slopes(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> Problem:
-    """The question with the steps that cost least of those that tell slopes as well as those it is simulated in.
+    """The question with the steps that cost least of those that tell slopes about as well as its own.
 
     Longer ones by the model's own method, or by the one it is simulated with; as always where neither will do.
     """
-    starts = problem.windows.measured[None, :, 0]
-    theta, own = hypothesis.theta[None], system.steps_of(problem.dt)
-    exact = problem.residuals(hypothesis, theta, starts)[0]
-    plain, dear = system.as_modelled(), COST_OF_EXACT
+    own, plain, dear = system.steps_of(problem.dt), system.as_modelled(), COST_OF_EXACT
     choices = [(float(n), plain, n) for n in sorted({-(-own // times) for times in COARSER_STEPS})]
-    if problem.substeps != own:
+    cost, taken = float(problem.substeps), closed(problem.simulator)
+    assert taken is not None
+    if not taken.own_grid:
         choices += [(dear * n, problem.simulator, n) for n in range(1, problem.substeps)]
-    for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
+        cost *= dear
+    exact = _changes(problem, hypothesis)
+    least = np.maximum(np.sqrt(np.mean(exact**2, axis=1)), np.finfo(float).tiny)
+    for _, simulator, steps in sorted((c for c in choices if c[0] < cost), key=lambda choice: choice[0]):
         longer = replace(problem, slope_steps=steps, slope_simulator=simulator)
-        change = longer.slopes.residuals(hypothesis, theta, starts)[0] - exact
-        spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
-        if (spread <= TOLERATED_BY_COARSER * problem.scale)[problem.observed].all():
+        off = np.sqrt(np.mean((_changes(longer.slopes, hypothesis) - exact) ** 2, axis=1))
+        if (off <= TOLERATED_BY_COARSER * least)[:, problem.observed].all():
             return longer
     return problem
+
+
+def _changes(problem: Problem, hypothesis: Hypothesis) -> FloatArray:
+    """(2, N, S): what starts a little aside, and lesser sizes, change in the samples of the windows."""
+    starts, theta = problem.windows.measured[:, 0], hypothesis.theta
+    aside = ASIDE * problem.scale * np.random.default_rng(0).normal(size=starts.shape)
+    thetas, copies = np.stack([theta, theta, LESS * theta]), np.stack([starts, starts + aside, starts])
+    said = problem.residuals(hypothesis, thetas, copies)
+    return np.asarray((said[1:] - said[0])[:, problem.windows.valid])
 
 
 def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
