@@ -32,7 +32,10 @@ class _Run:
 
 
 def check_stable(recording: Recording, simulator: MjcfSimulator) -> None:
-    """Raises UsageError where the model, as it is believed, makes numbers that are none within the recording."""
+    """Raises UsageError where the model, as it is believed, is too stiff for its step within the recording.
+
+    A light link that whirls away, because its joint lacks a rotor or friction, is what a diagnosis is for.
+    """
     runs = _runs(recording, simulator)
     n = simulator.steps_of(recording.dt)
     most = max((len(run.actions) for run in runs), default=0)
@@ -48,7 +51,7 @@ def check_stable(recording: Recording, simulator: MjcfSimulator) -> None:
     ran_away = gone.any(axis=1) & np.array([len(run.actions) > 0 for run in runs], dtype=np.bool_)
     if runs and ran_away.mean() >= TOO_MANY:
         first = int(np.flatnonzero(ran_away)[0])
-        raise UsageError(_told(simulator, runs[first], int(np.argmax(gone[first])), n, recording.dt / n))
+        _check_stiffness(simulator, runs[first], int(np.argmax(gone[first])), n, recording.dt / n)
 
 
 def _runs(recording: Recording, simulator: MjcfSimulator) -> list[_Run]:
@@ -68,18 +71,15 @@ def _run(recording: Recording, simulator: MjcfSimulator, episode: Episode, k: in
     return _Run(state, np.nan_to_num(given), episode.name, float(episode.t[k]))
 
 
-def _told(simulator: MjcfSimulator, run: _Run, step: int, n: int, h: float) -> str:
+def _check_stiffness(simulator: MjcfSimulator, run: _Run, step: int, n: int, h: float) -> None:
     dof = _worst(simulator, run, n, h)
     parameter, value = _suspect(simulator, dof, h)
-    cause = (
-        f"{parameter} = {value:g} is too stiff for a step of {h:g} s: make it smaller, or the step shorter"
-        if parameter
-        else f"a step of {h:g} s is too long for it: make it shorter"
-    )
-    return (
-        f"{simulator.name}: runs away: no number at step {step + 1} from t = {run.t:g} s of episode {run.episode}, "
-        f"at the joint {_joint(simulator, dof)}; {cause} (timestep in <option>)"
-    )
+    if parameter:
+        raise UsageError(
+            f"{simulator.name}: runs away: no number at step {step + 1} from t = {run.t:g} s of episode {run.episode}, "
+            f"at the joint {_joint(simulator, dof)}; {parameter} = {value:g} is too stiff for a step of {h:g} s: make "
+            "it smaller, or the step shorter (timestep in <option>)"
+        )
 
 
 def _worst(simulator: MjcfSimulator, run: _Run, n: int, h: float) -> int:

@@ -2,18 +2,20 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
 from scipy.linalg import expm
 
-from gpsim.diagnosis.fitting import Hypothesis, fit, growth
+from gpsim.diagnosis.fitting import Hypothesis, fit, growth, numerical_error
 from gpsim.diagnosis.setup import prepare
 from gpsim.diagnosis.setup.candidates import offers_of
-from gpsim.diagnosis.setup.own_steps import steps_with_friction
+from gpsim.diagnosis.setup.own_steps import likely_machine, steps_with_friction
 from gpsim.effects import Term
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
+from gpsim.stages.diagnose import Task, open_recording
 
 DT, FORCE = 0.02, 0.4
 COARSE = SLIDER.replace('timestep="0.001"', f'timestep="{DT}"')
@@ -177,3 +179,46 @@ def test_commands_of_a_motor_are_averaged_on_a_fast_clock(tmp_path):
     episodes = tuple(Episode(name, t, x, push) for name in "abcd")
     recording = Recording("mjcf", simulator.state, simulator.action, episodes, 0.005, velocities="measured")
     assert prepare(recording, simulator, simulator.defaults()).thinned == 2
+
+
+WRIST = """<mujoco><option timestep="0.002"/><worldbody><body>
+<joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="1"/>
+<body pos="0 0 -0.3"><joint name="wrist" axis="0 1 0"/>
+<inertial pos="0.004 0 0" mass="0.02" diaginertia="1e-6 1e-6 1e-6"/></body></body></worldbody>
+<actuator><motor name="u" joint="elbow"/><motor name="w" joint="wrist"/></actuator></mujoco>"""
+ROTOR, RUBS = 0.02, 0.1
+
+
+def turned(folder):
+    """The question of a log of an arm whose light wrist has a rotor and friction, which the model lacks."""
+    model, rng = mujoco.MjModel.from_xml_string(WRIST), np.random.default_rng(4)
+    model.dof_armature[1], model.dof_damping[1] = ROTOR, RUBS
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 0.001
+    data, rows, t = mujoco.MjData(model), ["t,elbow,wrist,elbow_dot,wrist_dot,u,w"], 0.01 * np.arange(2000)
+    tones, phases = rng.uniform(0.3, 1.2, (2, 3)), rng.uniform(0.0, 6.3, (2, 3))
+    pushes = np.array([1.0, 0.1]) * np.sin(2 * np.pi * tones * t[:, None, None] + phases).sum(axis=2)
+    for now, push in zip(t, pushes, strict=True):
+        read = np.concatenate([data.qpos, data.qvel]) + 1e-5 * rng.normal(size=4)
+        rows.append(",".join(f"{v:.7f}" for v in (now, *read, *push)))
+        data.ctrl[:] = push
+        mujoco.mj_step(model, data, 10)
+    (folder / "log.csv").write_text("\n".join(rows) + "\n")
+    recording, simulator = open_recording(Task(folder / "log.csv", written(folder, WRIST)))
+    return prepare(recording, simulator, simulator.defaults(recording.parameters))
+
+
+def test_a_wrist_that_whirls_in_the_base_alone_hides_nothing_behind_a_numerical_error(tmp_path):
+    problem = turned(tmp_path).everything
+    wrist = problem.simulator.state.names.index("wrist")
+    assert numerical_error(problem)[wrist] > 0.1 * problem.scale[wrist]
+    assert problem.floor[wrist] < 1e-3 * problem.scale[wrist]
+    assert (problem.mismatch <= problem.scale**2).all()
+    assert problem.windows.length == 25
+
+
+def test_the_likely_machine_has_the_rotor_that_inverse_dynamics_say(tmp_path):
+    question = turned(tmp_path)
+    said = likely_machine(question.searched, question.recording)
+    sizes = {(t.family, t.on): next(iter(t.values.values())) for t in said.terms}
+    assert sizes["armature", "wrist"] == pytest.approx(ROTOR, rel=0.05)
+    assert sizes["viscous_friction", "wrist"] == pytest.approx(RUBS, rel=0.05)
