@@ -75,9 +75,11 @@ def _motion(
     states[:, places] = sosfiltfilt(sos, np.stack(read, axis=1), axis=0)
     states[:, speeds] = np.gradient(states[:, places], episode.t, axis=0)
     middle = (episode.t[1:] + episode.t[:-1]) / 2.0  # of what was held, as if it were a line
-    held = np.stack([np.interp(episode.t[1:-1] - late, middle, u) for u in episode.actions.T], axis=1)
+    held = np.empty((len(episode) - 1, len(simulator.action)))
+    for column, given in zip(held.T, episode.actions.T, strict=True):
+        column[:] = sosfiltfilt(sos, np.interp(episode.t[1:-1] - late, middle, given))
     acceleration = np.gradient(states[:, speeds], episode.t, axis=0)
-    return states[inner], sosfiltfilt(sos, held, axis=0), acceleration[inner]
+    return states[inner], held, acceleration[inner]
 
 
 def _sizes(
@@ -92,6 +94,8 @@ def _sizes(
     some = some[apart(problem.simulator, len(hypothesis.terms), states[some])]
     states, acceleration = states[some], acceleration[some]
     lacks = system.lacking_force(states, actions[some], acceleration, problem.parameters)
+    told = np.isfinite(lacks).all(axis=1)
+    states, acceleration, lacks = states[told], acceleration[told], lacks[told]
     theta, names = hypothesis.theta, [p.name for p in hypothesis.parameters]
     low, high = ([getattr(p, end) for p in hypothesis.parameters] for end in ("low", "high"))
     for joint, coordinate in enumerate(problem.simulator.coordinates):
