@@ -19,12 +19,13 @@ from gpsim.reports.sheets import printable
 
 LINES, COLUMNS = 24, 100
 INDENT = 9  # columns of a part's name
-BAR = 10  # columns of a full bar
+BAR, SHORT_BAR = 10, 4  # columns of a full bar; where sizes or names would be cut
 PERCENT = 6  # columns of a share beside it
 EIGHTHS = " ▏▎▍▌▋▊▉"
 HEADS = ("effect", "size ± (90 %)", "share of mismatch", "how sure", "law holds?")
+SHORT_HEADS = (*HEADS[:2], "share", *HEADS[3:])
 GAP = 2  # columns between two of the table
-WIDEST = (34, 34, BAR + 1 + PERCENT, 9, 13)
+WIDEST = (34, 34, len(HEADS[2]), 9, 13)
 NARROWEST = 22  # columns of a name before the sizes beside it make room
 """Columns that a table's columns may take."""
 WORD = 60  # columns of a word: a longer one, a path, would push all others off its line
@@ -137,10 +138,17 @@ def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
     if not rows:
         return []
     shown = rows[: limits.rows]
-    cells = [(row.effect, _sizes(row, limits.sizes), _share(row), row.certainty, row.law) for row in shown]
-    longest = [max((_labelled(*size) for size in s), key=cell_len, default="") for _, s, *_ in cells]
-    widths = _widths([(c[0], size, *c[2:]) for c, size in zip(cells, longest, strict=True)])
-    lines = [_line(HEADS, widths)]
+    for heads, full in ((HEADS, BAR), (SHORT_HEADS, SHORT_BAR)):
+        cells = [
+            (row.effect, _sizes(row, limits.sizes), _share(row, full), row.certainty, row.law)
+            for row in shown
+        ]
+        longest = [max((_labelled(*size) for size in s), key=cell_len, default="") for _, s, *_ in cells]
+        needed = _needed([heads, *((c[0], size, *c[2:]) for c, size in zip(cells, longest, strict=True))])
+        widths = _widths(needed)
+        if widths[1] == needed[1] and (limits.names > 1 or widths[0] == needed[0]):
+            break
+    lines = [_line(heads, widths)]
     for row, (effect, sizes, share, certainty, law) in zip(shown, cells, strict=True):
         names = _in_lines(_one_line(effect), widths[0], limits.names)
         told = [_labelled(*size, widths[1]) for size in sizes]
@@ -198,30 +206,32 @@ def _labelled(name: str, size: str, width: int | None = None) -> str:
     return f"{name} {size}".strip()
 
 
-def _share(row: Row) -> str:
+def _share(row: Row, full: int) -> str:
     percent = row.percent if len(row.percent) <= PERCENT else row.percent.replace(" ", "")
-    return f"{bar(row.share)} {percent:>{PERCENT}}"
+    return f"{bar(row.share, full)} {percent:>{PERCENT}}"
 
 
-def bar(share: float | None) -> str:
-    """A bar of block characters, as wide whatever its share."""
-    eighths = round(8 * BAR * min(max(share or 0.0, 0.0), 1.0))
-    full, rest = divmod(eighths, 8)
-    return f"{'█' * full}{EIGHTHS[rest] if rest else ''}".ljust(BAR)
+def bar(share: float | None, full: int = BAR) -> str:
+    """A bar of block characters, as wide whatever its share; full: columns of the whole."""
+    eighths = round(8 * full * min(max(share or 0.0, 0.0), 1.0))
+    whole, rest = divmod(eighths, 8)
+    return f"{'█' * whole}{EIGHTHS[rest] if rest else ''}".ljust(full)
 
 
-def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
-    """Of every column: what its cells need, not more than it may take; names, which wrap, make room first."""
-    table = [HEADS, *cells]
-    needed = [
-        min(max(cell_len(_one_line(row[i])) for row in table), max(most, len(head)))
-        for i, (head, most) in enumerate(zip(HEADS, WIDEST, strict=True))
+def _needed(table: Sequence[Sequence[str]]) -> list[int]:
+    """Of every column: what its head and its cells need, not more than it may take."""
+    return [
+        min(max(cell_len(_one_line(row[i]) if i != 2 else row[i]) for row in table), max(most, len(head)))
+        for i, (head, most) in enumerate(zip(table[0], WIDEST, strict=True))
     ]
-    over = sum(needed) + GAP * (len(needed) - 1) - (COLUMNS - INDENT)
-    while over > 0:
-        needed[0 if needed[0] > NARROWEST or needed[0] >= needed[1] else 1] -= 1
-        over -= 1
-    return needed
+
+
+def _widths(needed: Sequence[int]) -> list[int]:
+    """The same where there is room; names, which wrap, make room first."""
+    widths = list(needed)
+    for _ in range(sum(widths) + GAP * (len(widths) - 1) - (COLUMNS - INDENT)):
+        widths[0 if widths[0] > NARROWEST or widths[0] >= widths[1] else 1] -= 1
+    return widths
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
