@@ -42,7 +42,7 @@ WIDE = 5.4  # inches of a picture of the first screen
 SHARP = 150.0  # dots an inch: it is shown smaller than it is drawn
 CHANNELS = 2  # of a rollout: those in which the base is furthest off
 INSIDE = 0.08  # of the bar: a narrower part has no room for its number
-LABELS = 27  # letters of a part's name
+LABELS = 32  # letters of a part's name
 MOST = 6  # parts with a name of their own; further ones stand together
 
 Contained = Callable[[str], AbstractContextManager[None]]
