@@ -25,6 +25,7 @@ from gpsim.reports.canvas import (
     LABEL,
     SEGMENTS,
     SLIGHT,
+    beside,
     legend_above,
     legend_label,
     named,
@@ -152,7 +153,7 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     for i, axis in enumerate(axes[:, 0]):
         draw_trace(axis, trace, i, names, 1.4)
         channel = state.items[traces.shown[i]]
-        axis.set_ylabel(named(channel.name, channel.unit, LABEL))
+        axis.set_ylabel(beside(channel.name, channel.unit))
     axes[-1, 0].set_xlabel("t [s]")
     figure.align_ylabels()
     legend_above(figure, axes[0, 0], markerscale=2)

@@ -82,6 +82,12 @@ def named(name: str, unit: str = "", most: int = LONGEST) -> str:
     return f"{shortened(name, most)} [{shortened(unit, LONGEST_UNIT)}]" if unit else shortened(name, most)
 
 
+def beside(name: str, unit: str) -> str:
+    """The same beside an axis among others, which is short: in two lines where it is longer than that."""
+    whole = named(name, unit, LABEL)
+    return whole if len(whole) <= LABEL else "\n[".join(whole.rsplit(" [", 1))
+
+
 def legend_label(name: str, most: int = LONGEST) -> str:
     """A name as a legend's label: of one that begins with `_` matplotlib would show nothing."""
     label = shortened(name, most)

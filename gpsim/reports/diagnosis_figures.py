@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
-from gpsim.reports.canvas import FAINT, LABEL, LONGEST_UNIT, legend_above, named, panels, png, style
+from gpsim.reports.canvas import FAINT, LABEL, LONGEST_UNIT, beside, legend_above, named, panels, png, style
 from gpsim.reports.quantities import in_percent, number, shortened
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
@@ -166,7 +166,7 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
             place = ((0.0, 1.0), (0, 5), "axes fraction", "offset points")
             axis.annotate(f"RMS error: {said_of}", *place, fontsize=8, color=FAINT)
     for axis, channel in zip(axes[:, 0], channels, strict=True):
-        axis.set_ylabel(named(channel.name, channel.unit, LABEL))
+        axis.set_ylabel(beside(channel.name, channel.unit))
     figure.align_ylabels()
     legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)

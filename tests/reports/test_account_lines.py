@@ -165,6 +165,23 @@ def test_a_long_name_is_wrapped_and_not_cut():
     assert joint in "".join(told)
 
 
+def test_a_shorter_bar_makes_room_for_sizes_before_they_are_cut():
+    size = Estimate(0.0042, 0.0039, 0.0045, "N m s/rad")
+    damped = made_effect(
+        family="viscous_friction", on="the_shoulder_lift_joint", parameters={"damping": size}, role="headline",
+        importance=Share(0.14), form="untested",
+    )  # fmt: skip
+    lines = account_lines(account_of(replace(named(), effects=(damped,))))
+    check(lines)
+    (row,) = [line for line in lines if "0.0042" in line]
+    assert "0.00420 ± 0.00030 N m s/rad" in row
+    assert "14 %" in row
+    (whole,) = [
+        line for line in account_lines(account_of(named())) if "effect" in line and "law holds?" in line
+    ]
+    assert "share of mismatch" in whole
+
+
 def test_a_folder_that_is_too_long_for_a_line_is_dir():
     short, long = "runs/found", "/a/long/path" * 20
     assert any(
