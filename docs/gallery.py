@@ -6,19 +6,18 @@ pictures are the diagnoses' own, made smaller. What was known and what was right
 
 import json
 import sys
-from collections import Counter
 from pathlib import Path
 
 import yaml
 from PIL import Image
 
 from gpsim.diagnosis import Diagnosis
+from gpsim.reports.account_effects import rows_of
 from gpsim.reports.diagnosis_text import noun
 from gpsim.reports.quantities import percent
 
 DOCS = Path(__file__).resolve().parent
 FIGURE = "held_out_rollout.png"
-ROWS = 3  # joints of an effect, from which on it is told once
 WIDTH, COLOURS = 640, 48  # of a picture: pixels, and of its palette
 HEAD = """# Gallery
 
@@ -35,10 +34,8 @@ not part of the project: [where they are from](../data/README.md#public-sets).
 def said(found: Diagnosis) -> str:
     """The verdict, the claims in the account's own sentences, how many small corrections, and how much it explains."""
     headline = [e for e in found.effects if e.role == "headline"]
-    rows = Counter(e.family for e in headline)
-    joints = {family: count for family, count in rows.items() if count >= ROWS}
-    claims = [f"{noun(family)} on {count} joints" for family, count in joints.items()]
-    claims += [e.sentence for e in headline if e.family not in joints]
+    joints = {row.whole.partition(" on ")[0]: row.whole for row in rows_of(headline, found) if row.members}
+    claims = [*joints.values(), *(e.sentence for e in headline if noun(e.family) not in joints)]
     slight = len(found.effects) - len(headline)
     beside = f"; {slight} small correction{'s' if slight > 1 else ''} beside" if slight else ""
     share = found.explained.rollout

@@ -30,8 +30,8 @@ COARSER_STEPS = (20, 10, 5, 4, 3, 2, 1)
 TOLERATED_BY_COARSER = 0.03
 """Of what a slightly other start, or other sizes, change in a channel: what these longer steps may be off by, root mean
 square. So much leaves a Gauss-Newton step nearly as long, and is mended by what steps teach of slopes."""
-ASIDE = 1e-3  # of a channel's size, and
-LESS = 0.8  # times a likely machine's sizes, is how the changes are made that longer steps must tell
+ASIDE = 1e-3  # of a channel's size, by which starts are moved to see what that changes
+LESS = 0.8  # times its sizes, that a likely machine has to see what those change
 TOLERATED_DRY_ERROR = 3e-4
 """Of a channel's spread: what stops of dry friction may be off by, if it is more than noise hides."""
 TOLERATED_STEP_ERROR, HIDDEN_BY_NOISE = 3e-5, 30.0

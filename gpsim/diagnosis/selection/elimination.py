@@ -156,7 +156,7 @@ def only_noise(problem: Problem, leader: Fit) -> bool:
     return whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured
 
 
-CHEAPEST = 5  # terms of a whole robot that are left out by turns
+CHEAPEST = 5  # terms of a whole robot that are left out by turns (by hand)
 STARTS = 3  # steps of a fit of start states by slopes that are known
 ROWS = 3  # of them are a machine, identified all at once
 

@@ -1,7 +1,7 @@
 """Where the search of a robot starts: what all joints may lack, sized by inverse dynamics, without a simulation.
 
-Recorded motion says what forces a model would take for it. What it lacks is linear in friction, rotors' inertia and
-offsets: one weighted least squares for all joints together (Gautier and Poignet 2001, Control Engineering Practice
+Recorded motion says what forces a model would take for it. What it lacks at a joint is linear in that joint's friction,
+rotor and offset: one least squares a joint (Gautier and Poignet 2001, Control Engineering Practice
 9(12); Janot, Vandanjon and Gautier 2014, IEEE Transactions on Control Systems Technology 22(1)). It is less exact than
 a fit by simulation, and nothing leads it astray: light links without a rotor, which whirl in a simulation, do here what
 they did. Only starts come of it, so that it may look at the whole recording.
@@ -97,6 +97,8 @@ def _sizes(
     told = np.isfinite(lacks).all(axis=1)
     states, acceleration, lacks = states[told], acceleration[told], lacks[told]
     theta, names = hypothesis.theta, [p.name for p in hypothesis.parameters]
+    if not len(states):
+        return theta
     low, high = ([getattr(p, end) for p in hypothesis.parameters] for end in ("low", "high"))
     for joint, coordinate in enumerate(problem.simulator.coordinates):
         own = [i for i, term in enumerate(hypothesis.terms) if term.on == coordinate.name]

@@ -21,7 +21,7 @@ BLOCKS = 40  # of an episode, in which means of commands are put in their place
 
 ROTOR, RUBS, OFFSET = "armature", "coulomb_friction", "constant_force"
 LIKELY = (ROTOR, "viscous_friction")
-LIGHTEST = 0.1  # of the usual rotor, that one is for which steps are chosen
+LIGHTEST = 0.1  # of the usual rotor, that one is for which steps are chosen, at the least (by hand)
 
 
 def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
