@@ -40,9 +40,14 @@ class ClosedStep(Protocol):
         ...
 
     def lacking_force(
-        self, state: FloatArray, action: FloatArray, acceleration: FloatArray, parameters: Mapping[str, float]
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        acceleration: FloatArray,
+        parameters: Mapping[str, float],
+        terms: Sequence[Term] = (),
     ) -> FloatArray:
-        """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C)."""
+        """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C), with these terms."""
         ...
 
     def rolled(

@@ -190,16 +190,23 @@ class MjcfSimulator(Simulator):
         return np.concatenate([dense(model, pool.simulations.bind("M")[: len(acc)]) for acc, pool in every])
 
     def lacking_force(
-        self, state: FloatArray, action: FloatArray, acceleration: FloatArray, parameters: Parameters
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        acceleration: FloatArray,
+        parameters: Parameters,
+        terms: Sequence[Term] = (),
     ) -> FloatArray:
-        """(B, C): the force on every coordinate that the model lacks where they accelerate so (B, C).
-
-        As MuJoCo's inverse dynamics less actuation, where nothing touches.
-        """
+        """(B, C): see `gpsim.effects.ClosedStep`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
         every = np.zeros((len(state), self._body.model.nv))
         every[:, self._dofs] = acceleration
-        lacks = every - self.rates(state, action, parameters)
-        return np.asarray((self.inertia(state, parameters) @ lacks[..., None])[:, self._dofs, 0])
+        plan, found, begin = Plan(self._body, tuple(terms), _numbers(parameters)), [], 0
+        for acc, pool in self._looked(state, action, parameters, plan=plan):
+            inertia = dense(self._body.model, pool.simulations.bind("M")[: len(acc)])
+            lacks = every[begin : begin + len(acc)] - acc
+            found.append((inertia @ lacks[..., None])[:, self._dofs, 0])
+            begin += len(acc)
+        return np.concatenate(found)
 
     def touching(self, state: FloatArray) -> BoolArray:
         """(B,): whether something touches, or a joint is at its limit, in each state."""
@@ -229,8 +236,7 @@ class MjcfSimulator(Simulator):
         """(B, S): the state after dt (B,) s, in steps of the model's own or a little shorter."""
         count = self.steps_of(float(np.max(dt, initial=self.own_step)))
         held = np.repeat(action[:, None], count, axis=1)
-        said = {n: float(np.ravel(v)[0]) for n, v in parameters.items()}
-        return self.rolled((), said, (), state, held, dt / count, np.zeros(len(state)))[:, -1]
+        return self.rolled((), _numbers(parameters), (), state, held, dt / count, np.zeros(len(state)))[:, -1]
 
     def plus(self, state: FloatArray, change: FloatArray) -> FloatArray:
         """(B, S): the state moved by a tangent vector (B, 2 nv): of positions, then of velocities."""
@@ -261,13 +267,16 @@ class MjcfSimulator(Simulator):
         action: FloatArray,
         parameters: Parameters,
         forces: FloatArray | None = None,
+        plan: Plan | None = None,
     ) -> Iterator[tuple[FloatArray, Pool]]:
         """Accelerations (B, R), part by part, and the batch that holds what else was found until it is asked again."""
-        plan = Plan(self._body, (), {})
+        plan = plan or Plan(self._body, (), {})
         for rows in parts(len(state)):
             count = rows.stop - rows.start
             fields = Fields(self._body, count, np.full(count, self.own_step), {})
             self._believe(fields, parameters, rows)
+            values = [{k: np.full(count, v) for k, v in t.values.items()} for t in plan.terms]
+            plan.write(plan.lasting, fields, values, {})
             if forces is not None:
                 fields[FORCE][:, self._dofs] += forces[rows]
             yield self._rolling.forward(plan, fields, state[rows], action[rows])
@@ -279,6 +288,11 @@ class MjcfSimulator(Simulator):
                 own = np.asarray(value, dtype=np.float64)
                 own = np.full(fields.count, own) if own.ndim == 0 else own[rows]
                 self._body.knobs[name].write(fields, own)
+
+
+def _numbers(parameters: Parameters) -> dict[str, float]:
+    """One number each."""
+    return {n: float(np.ravel(v)[0]) for n, v in parameters.items()}
 
 
 @lru_cache(maxsize=8)

@@ -34,7 +34,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_row
+from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_row, is_structure
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
@@ -55,17 +55,8 @@ def usual_machine(question: Question, offers: Sequence[Candidate]) -> list[Fit]:
     usual = [c for c in offers if is_usual(problem, c)]
     if not usual:
         return []
-    full = _sized(question, usual) or _full_model(problem, usual)
+    full = _sized(question, usual, offers) or _full_model(problem, usual)
     path = taken_away(problem, full)
-    late = [c for c in offers if _is_late(problem, c)]
-    if late and _something_is_left(problem, path):
-        also = _all_late(question, usual, late)
-        if also.objective < full.objective:
-            full = also
-            path += _with_less(problem, full)
-    masses = [c for c in offers if _is_mass(problem, c)]
-    if masses and _something_is_left(problem, path):
-        path += _with_less(problem, _with_masses(problem, full, masses))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
@@ -95,33 +86,6 @@ def _with_less(problem: Problem, full: Fit) -> list[Fit]:
     return path
 
 
-def _something_is_left(problem: Problem, path: list[Fit]) -> bool:
-    """Whether the best of a path leaves more than noise."""
-    best = path[int(scores(problem, path).argmax())]
-    return whiteness(problem, best)[0] <= problem.run.settings.acceptance.structured
-
-
-def _all_late(question: Question, usual: Sequence[Candidate], late: Sequence[Candidate]) -> Fit:
-    """All terms, commands late by most of a sample: beside others that are late no single one is found."""
-    problem, rows = question.searched, _begun(usual, {})
-    delays = [c.declared[0].starts[0] for c in late]
-    begun = by_inverse_dynamics(problem, question.recording, rows, float(np.median(delays))) or rows
-    for c, delay in zip(late, delays, strict=True):
-        begun = child_of(begun, c, (delay,))
-    starts = problem.windows.measured[:, 0]
-    found = fit_order(problem, Order(begun, starts, schedules.GLANCE, schedules.ROUGH))
-    again = Order(found.hypothesis, found.starts, schedules.REFIT, schedules.ROUGH, near=True)
-    return fit_order(problem, again)
-
-
-def _with_masses(problem: Problem, full: Fit, masses: Sequence[Candidate]) -> Fit:
-    """The full model, already fitted, with masses beside it: from nothing, together with friction, they lead astray."""
-    heavy = full.hypothesis
-    for c in masses:
-        heavy = child_of(heavy, c, _nothing(c))
-    return fit_order(problem, Order(heavy, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
-
-
 def _nothing(candidate: Candidate) -> tuple[float, ...]:
     """The values at which a term does nothing."""
     return tuple(p.none for p in candidate.declared)
@@ -146,15 +110,11 @@ def _is_late(problem: Problem, candidate: Candidate) -> bool:
     return _dear(problem) and candidate.family == LATE
 
 
-def _is_mass(problem: Problem, candidate: Candidate) -> bool:
-    """Whether it is the mass of a body of a robot."""
-    return _dear(problem) and candidate.place.on.endswith(MASS)
-
-
-def _sized(question: Question, usual: Sequence[Candidate]) -> Fit | None:
-    """The fit of all terms at once from what inverse dynamics says of a robot; None where that says nothing."""
+def _sized(question: Question, usual: Sequence[Candidate], offers: Sequence[Candidate]) -> Fit | None:
+    """The fit of all that inverse dynamics say of a robot at once; None where they say nothing."""
     problem = question.searched
-    begun = by_inverse_dynamics(problem, question.recording, _begun(usual, {}))
+    others, late = [c for c in offers if is_structure(c)], [c for c in offers if _is_late(problem, c)]
+    begun = by_inverse_dynamics(problem, question.recording, _begun(usual, {}), others, late)
     if begun is None:
         return None
     starts = problem.windows.measured[:, 0]

@@ -2,7 +2,7 @@
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_row
+from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_row, is_structure
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -25,6 +25,7 @@ __all__ = [
     "filters",
     "flagged",
     "is_row",
+    "is_structure",
     "look",
     "look_at",
     "mended",

@@ -1,33 +1,42 @@
-"""Where the search of a robot starts: what all joints may lack, sized by inverse dynamics, without a simulation.
+"""Where the search of a robot starts: what it may lack, sized by inverse dynamics, almost without a simulation.
 
-Recorded motion says what forces a model would take for it. What it lacks at a joint is linear in that joint's friction,
-rotor and offset: one least squares a joint (Gautier and Poignet 2001, Control Engineering Practice
-9(12); Janot, Vandanjon and Gautier 2014, IEEE Transactions on Control Systems Technology 22(1)). It is less exact than
-a fit by simulation, and nothing leads it astray: light links without a rotor, which whirl in a simulation, do here what
-they did. Only starts come of it, so that it may look at the whole recording.
+Recorded motion says what forces a model would take for it. What it lacks is linear in each joint's friction, rotor and
+offset, in masses, first moments of a payload and gains of motors, and nearly so in how late commands come: one weighted
+least squares of all joints (Gautier and Poignet 2001, Control Engineering Practice 9(12); Janot, Vandanjon and Gautier
+2014, IEEE Transactions on Control Systems Technology 22(1)). Which bodies and motors are off is asked greedily, by
+the evidence of that linear model, in which usual sizes are the prior. It is less exact than a fit by simulation, and
+nothing leads it astray: light links without a rotor, which whirl in a simulation, do here what they did. Only starts
+come of it, so that it may look at the whole recording.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.signal import butter, sosfiltfilt
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Hypothesis, Problem, objective
-from gpsim.diagnosis.setup.contacts import apart
-from gpsim.effects import ClosedStep, Effect, ForceEffect, closed
-from gpsim.recordings import Episode, Recording, evenly
-from gpsim.simulators import Simulator
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, child_of, objective
+from gpsim.diagnosis.setup.low_passed import LowPassed, low_passed
+from gpsim.effects import Effect, ForceEffect, Term, closed
+from gpsim.recordings import Recording
 
-CUTOFFS = (0.2, 0.08, 0.03)
-"""Of the Nyquist frequency, below which positions and commands are kept: what simulates best is taken (of made logs of
-three arms, sizes changed little between 2.5 and 12 Hz)."""
-ORDER = 4  # of the filter (Butterworth), applied forwards and backwards
-SHORTEST = 60  # samples of an episode, so that what the filter does at its ends is little
-ROWS = 2000  # samples that sizes are fitted to, at most
-TURNS = 0.04  # of a joint's usual speed, within which dry friction is taken to turn round
+CUTOFFS = {0.5: (0.15, 0.06), 0.2: (0.06, 0.025), 0.06: (0.012,)}
+"""Of the Nyquist frequency, below which motion is kept, and forces are compared: what simulates best is taken. Fast
+motion asks for a wide band, coarse encoders for a narrow one, late commands and friction for slow forces."""
+LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
+LATER = 0.1  # samples, by which commands come later where that is asked
+TURNS = 0.01  # of a joint's usual speed, within which dry friction is taken to turn round
 USUAL = 0.95  # quantile of speeds that is the usual one
+ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
+MOST = 6  # bodies and motors that are off at once, at most
+ROUNDS = 3  # of weights by what is left at each joint
+NARROW = 1e-9  # of what a joint lacks, below which it is known without noise
+OFF, MISTAKEN = 0.3, 0.15  # by which masses are usually off, and gains of motors
+ROW = 3.0  # times its usual start, that a joint's row may well be
+MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 
 
 def is_row(effect: Effect) -> bool:
@@ -35,83 +44,270 @@ def is_row(effect: Effect) -> bool:
     return bool(effect.usual) and (effect.site == "force" or effect.family == "armature")
 
 
-def by_inverse_dynamics(
-    problem: Problem, recording: Recording, hypothesis: Hypothesis, late: float = 0.0
-) -> Hypothesis | None:
-    """The same rows (see `is_row`), sized by the forces that the base lacks where commands come `late` by so many s.
+def is_structure(candidate: Candidate) -> bool:
+    """Whether it is a body or a motor that is off: a payload, a mass, a gain."""
+    if candidate.variant:
+        return False
+    family, on = candidate.family, candidate.place.on
+    return family in ("payload", "actuator_gain") or (family == "parameter_offset" and on.endswith(MASS))
 
-    None where motion does not tell (a body that floats, episodes that are too short), or where that is further off in
-    simulation than the rows as they are.
+
+def by_inverse_dynamics(
+    problem: Problem,
+    recording: Recording,
+    rows: Hypothesis,
+    others: Sequence[Candidate] = (),
+    delays: Sequence[Candidate] = (),
+) -> Hypothesis | None:
+    """Rows (see `is_row`) sized by the forces that the base lacks, with late commands and what else is surely off.
+
+    others: bodies and motors that may be off (see `is_structure`). None where motion does not tell (a body that floats,
+    episodes that are too short), or where all that is further off in simulation than the rows as they are.
     """
-    system, simulator = closed(problem.simulator), problem.simulator
-    rows = all(is_row(t.effect) and len(t.values) == 1 for t in hypothesis.terms)
-    if system is None or not rows or len(simulator.state) != 2 * len(simulator.coordinates):
+    simulator = problem.simulator
+    sized = all(is_row(t.effect) and len(t.values) == 1 for t in rows.terms)
+    if closed(simulator) is None or not sized or len(simulator.state) != 2 * len(simulator.coordinates):
         return None
-    starts, found = problem.windows.measured[None, :, 0], [hypothesis]
-    for cutoff in CUTOFFS:
-        motion = [_motion(simulator, e, cutoff, late) for e in recording.episodes if len(e) >= SHORTEST]
-        if motion:
-            found.append(hypothesis.having(_sizes(problem, system, hypothesis, motion)))
+    starts, found = problem.windows.measured[None, :, 0], [rows]
+    for wide, narrow in CUTOFFS.items():
+        motion = low_passed(simulator, recording, wide)
+        if motion is not None:
+            forces = _Forces(problem, recording.dt, motion, rows)
+            for below in narrow:
+                found += _Regression(forces, below, tuple(delays)).found(others)
     off = [objective(problem, problem.residuals(h, h.theta[None], starts)[0]) for h in found]
     best = int(np.argmin(off))
     return found[best] if best else None
 
 
-def _motion(
-    simulator: Simulator, episode: Episode, cutoff: float, late: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """States (N, S), commands (N, A) and accelerations (N, C) below a share of the Nyquist frequency.
+@dataclass(frozen=True)
+class _Part:
+    """What may be missing: columns (P, K, C) of forces of size 1, bounds and usual sizes (P,), whence its values.
 
-    A sample's acceleration is of the commands before and after it, each held for a step.
+    centre: where a payload's moments are counted from.
     """
-    sos = butter(ORDER, cutoff, output="sos")
-    names, inner = simulator.state, slice(1, -1)
-    places = [names.index(c.name) for c in simulator.coordinates]
-    speeds = [names.index(c.velocity) for c in simulator.coordinates]
-    read = [
-        np.unwrap(q) if names.wraps[i] else q for i, q in zip(places, episode.states.T[places], strict=True)
-    ]
-    states = np.empty_like(episode.states)
-    states[:, places] = sosfiltfilt(sos, np.stack(read, axis=1), axis=0)
-    states[:, speeds] = np.gradient(states[:, places], episode.t, axis=0)
-    middle = (episode.t[1:] + episode.t[:-1]) / 2.0  # of what was held, as if it were a line
-    held = np.empty((len(episode) - 1, len(simulator.action)))
-    for column, given in zip(held.T, episode.actions.T, strict=True):
-        column[:] = sosfiltfilt(sos, np.interp(episode.t[1:-1] - late, middle, given))
-    acceleration = np.gradient(states[:, speeds], episode.t, axis=0)
-    return states[inner], held, acceleration[inner]
+
+    candidate: Candidate | None
+    columns: FloatArray
+    low: FloatArray
+    high: FloatArray
+    usual: FloatArray
+    centre: FloatArray = field(default_factory=lambda: np.empty(0))
+
+    def values(self, sizes: FloatArray) -> tuple[float, ...]:
+        """The candidate's values, within its bounds."""
+        assert self.candidate is not None
+        declared = self.candidate.declared
+        said = np.array([p.none for p in declared]) + sizes
+        if len(self.centre):
+            said = np.concatenate([sizes[:1], self.centre + sizes[1:] / max(sizes[0], np.finfo(float).tiny)])
+        return tuple(float(np.clip(v, p.low, p.high)) for v, p in zip(said, declared, strict=True))
 
 
-def _sizes(
-    problem: Problem,
-    system: ClosedStep,
-    hypothesis: Hypothesis,
-    motion: list[tuple[FloatArray, FloatArray, FloatArray]],
-) -> FloatArray:
-    """(P,): within their bounds, the sizes that explain best what forces the base lacks."""
-    states, actions, acceleration = (np.concatenate(parts) for parts in zip(*motion, strict=True))
-    some = evenly(len(states), ROWS)
-    some = some[apart(problem.simulator, len(hypothesis.terms), states[some])]
-    states, acceleration = states[some], acceleration[some]
-    lacks = system.lacking_force(states, actions[some], acceleration, problem.parameters)
-    told = np.isfinite(lacks).all(axis=1)
-    states, acceleration, lacks = states[told], acceleration[told], lacks[told]
-    theta, names = hypothesis.theta, [p.name for p in hypothesis.parameters]
-    if not len(states):
-        return theta
-    low, high = ([getattr(p, end) for p in hypothesis.parameters] for end in ("low", "high"))
-    for joint, coordinate in enumerate(problem.simulator.coordinates):
-        own = [i for i, term in enumerate(hypothesis.terms) if term.on == coordinate.name]
-        if own:
-            q, v = (
-                states[:, problem.simulator.state.index(n)] for n in (coordinate.name, coordinate.velocity)
-            )
-            columns = [
-                _of_unit_size(hypothesis.terms[i].effect, names[i], q, v, acceleration[:, joint]) for i in own
-            ]
-            bounds = [low[i] for i in own], [high[i] for i in own]
-            theta[own] = lsq_linear(np.stack(columns, axis=1), lacks[:, joint], bounds).x
-    return theta
+@dataclass(frozen=True)
+class _Sized:
+    """A least squares: sizes of all columns, what is left at each joint (variances), log evidence."""
+
+    sizes: FloatArray
+    left: FloatArray
+    evidence: float
+
+
+@dataclass(eq=False)
+class _Forces:
+    """What forces the motion would have taken (N, C), with and without what may be off."""
+
+    problem: Problem
+    dt: float
+    motion: LowPassed
+    rows: Hypothesis
+    _found: dict[tuple[object, ...], FloatArray] = field(default_factory=dict)
+
+    def lacking(self, late: float) -> FloatArray:
+        """(N, C): what the base lacks where commands come late by so many s."""
+        if ("late", late) not in self._found:
+            self._found["late", late] = self._with((), self.motion.actions(late))
+        return self._found["late", late]
+
+    def of_rows(self) -> FloatArray:
+        """(N, C, P): forces of rows of size 1, each at its own joint."""
+        coordinates, names = self.problem.simulator.coordinates, self.problem.simulator.state
+        states, acceleration = self.motion.states, self.motion.acceleration
+        out = np.zeros((*acceleration.shape, len(self.rows.terms)))
+        for i, (term, parameter) in enumerate(zip(self.rows.terms, self.rows.parameters, strict=True)):
+            joint = [c.name for c in coordinates].index(term.on)
+            q, v = (states[:, names.index(n)] for n in (term.on, coordinates[joint].velocity))
+            out[:, joint, i] = _of_unit_size(term.effect, parameter.name, q, v, acceleration[:, joint])
+        return out
+
+    def of_gain(self, candidate: Candidate, late: float) -> FloatArray:
+        """(N, C, 1): what a motor's gain changes."""
+        more = self.motion.actions(late)
+        more[:, self.problem.simulator.action.index(candidate.place.on)] *= 1.0 + MISTAKEN
+        return (self.lacking(late) - self._with((), more))[..., None] / MISTAKEN
+
+    def of_body(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
+        """(N, C, P): what a mass, or a payload's mass and first moments about these values, change."""
+        key = (candidate.identity, about)
+        if key not in self._found:
+            change = self._of_payload if candidate.family == "payload" else self._of_mass
+            self._found[key] = change(candidate, about)
+        return self._found[key]
+
+    def _of_mass(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
+        more = candidate.term((candidate.declared[0].none + OFF,))
+        return (self.lacking(0.0) - self._with([more], self.motion.actions(0.0)))[..., None] / OFF
+
+    def _of_payload(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
+        declared, at_once = candidate.declared, self.motion.actions(0.0)
+        mass = max(about[0], declared[0].starts[0])
+        there = self._with([candidate.term((mass, *about[1:]))], at_once)
+        columns = [(self.lacking(0.0) - there) / mass]
+        for axis in (1, 2, 3):
+            aside = [mass, *about[1:]]
+            aside[axis] += declared[axis].scale
+            moved = self._with([candidate.term(aside)], at_once)
+            columns.append((there - moved) / declared[axis].scale / mass)
+        return np.stack(columns, axis=-1)
+
+    def _with(self, terms: Sequence[Term], actions: FloatArray) -> FloatArray:
+        system, moved = closed(self.problem.simulator), self.motion
+        assert system is not None
+        told = system.lacking_force(moved.states, actions, moved.acceleration, self.problem.parameters, terms)
+        return np.nan_to_num(told)
+
+
+@dataclass(frozen=True)
+class _Regression:
+    """A least squares of forces below a share of the Nyquist frequency."""
+
+    forces: _Forces
+    narrow: float
+    delays: tuple[Candidate, ...]
+
+    def found(self, others: Sequence[Candidate]) -> list[Hypothesis]:
+        """Rows and late commands, and with what else is off where something is; nothing where too little moved."""
+        rows = self._rows()
+        if rows.columns.shape[1] < 2 * len(rows.usual):
+            return []
+        late = self._late(rows) if self.delays else 0.0
+        parts = [rows, *self._lateness(late)]
+        about = {c: tuple(p.starts[0] for p in c.declared) for c in others}
+        chosen = self._chosen(late, parts, [self._part(c, v, late) for c, v in about.items()])
+        out = [self._settled(late, parts)]
+        return out if len(chosen) == len(parts) else [*out, self._settled(late, chosen)]
+
+    def _settled(self, late: float, parts: list[_Part]) -> Hypothesis:
+        """The hypothesis of these parts, linearised where they were found."""
+        fit = _fit(self._lacks(late), parts)
+        about = {p.candidate: p.values(s) for p, s in _split(parts, fit) if p.candidate}
+        late = self._later(parts, fit, late)
+        parts = [parts[0], *self._lateness(late), *(self._part(c, v, late) for c, v in about.items())]
+        fit = _fit(self._lacks(late), parts)
+        return self._hypothesis(parts, fit, self._later(parts, fit, late))
+
+    def _heard(self, force: FloatArray) -> FloatArray:
+        return self.forces.motion.heard(force, self.narrow)
+
+    def _columns(self, force: FloatArray) -> FloatArray:
+        return np.moveaxis(self._heard(force), -1, 0)
+
+    def _lacks(self, late: float) -> FloatArray:
+        return self._heard(self.forces.lacking(late))
+
+    def _late(self, rows: _Part) -> float:
+        """How late commands come (s), by a scan; at once where that is as good."""
+        scanned = [float(late) for late in np.arange(0.0, LATEST + GRID / 2.0, GRID) * self.forces.dt]
+        evidence = [_fit(self._lacks(late), [rows]).evidence for late in scanned]
+        best = int(np.argmax(evidence))
+        return scanned[best] if evidence[best] > evidence[0] + ENOUGH else 0.0
+
+    def _lateness(self, late: float) -> list[_Part]:
+        """How forces change where commands come later still; none where they come at once."""
+        if not late:
+            return []
+        dt = self.forces.dt
+        more = LATER * dt
+        change = (self._lacks(late) - self._lacks(late + more))[None] / more
+        low, high = np.array([-late]), np.array([LATEST * dt - late])
+        return [_Part(None, change, low, high, np.array([GRID * dt]))]
+
+    def _later(self, parts: Sequence[_Part], fit: _Sized, late: float) -> float:
+        return late + float(fit.sizes[len(parts[0].usual)]) if late else 0.0
+
+    def _rows(self) -> _Part:
+        """Every row, at its own joint."""
+        terms, declared = self.forces.rows.terms, self.forces.rows.parameters
+        low, high = (np.array([getattr(p, end) for p in declared]) for end in ("low", "high"))
+        often = [1.0 if t.family == "constant_force" else ROW for t in terms]
+        usual = [k * max(abs(v) for v in p.starts) for k, p in zip(often, declared, strict=True)]
+        return _Part(None, self._columns(self.forces.of_rows()), low, high, np.array(usual))
+
+    def _part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> _Part:
+        """A body or a motor that is off: what it changes about these values."""
+        declared = candidate.declared
+        low, high = (np.array([getattr(p, end) - p.none for p in declared]) for end in ("low", "high"))
+        if candidate.family == "actuator_gain":
+            change = self._columns(self.forces.of_gain(candidate, late))
+            return _Part(candidate, change, low, high, np.array([MISTAKEN]))
+        change = self._columns(self.forces.of_body(candidate, about))
+        if candidate.family != "payload":
+            return _Part(candidate, change, low, high, np.array([OFF]))
+        heavy = (declared[0].plausible or (0.0, declared[0].high))[1] / 2.0
+        usual = np.array([heavy, *(heavy * p.scale for p in declared[1:])])
+        moments = np.full(len(declared) - 1, np.inf)
+        low, high = np.array([0.0, *-moments]), np.array([declared[0].high, *moments])
+        return _Part(candidate, change, low, high, usual, np.array(about[1:]))
+
+    def _chosen(self, late: float, parts: list[_Part], others: list[_Part]) -> list[_Part]:
+        """The parts and, by turns, of the others what brings most evidence, while that is enough."""
+        lacks = self._lacks(late)
+        best = _fit(lacks, parts)
+        while others and sum(p.candidate is not None for p in parts) < MOST:
+            fits = [_fit(lacks, [*parts, part], best.left) for part in others]
+            found = int(np.argmax([fit.evidence for fit in fits]))
+            if fits[found].evidence < best.evidence + ENOUGH:
+                break
+            parts = [*parts, others.pop(found)]
+            best = _fit(lacks, parts)
+        return parts
+
+    def _hypothesis(self, parts: Sequence[_Part], fit: _Sized, late: float) -> Hypothesis:
+        """The hypothesis that least squares say."""
+        out = self.forces.rows.having(fit.sizes[: len(parts[0].usual)])
+        for part, sizes in _split(parts, fit):
+            if part.candidate is not None:
+                out = child_of(out, part.candidate, part.values(sizes))
+        for delay in self.delays if late else ():
+            declared = delay.declared[0]
+            out = child_of(out, delay, (float(np.clip(late, declared.low, declared.high)),))
+        return out
+
+
+def _split(parts: Sequence[_Part], fit: _Sized) -> list[tuple[_Part, FloatArray]]:
+    ends = np.cumsum([len(part.usual) for part in parts])
+    return list(zip(parts, np.split(fit.sizes, ends[:-1]), strict=True))
+
+
+def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = None) -> _Sized:
+    """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there."""
+    columns = np.concatenate([part.columns for part in parts])
+    low, high, usual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("low", "high", "usual"))
+    least = NARROW * np.mean(lacks**2, axis=0) + np.finfo(float).tiny
+    left = np.var(lacks, axis=0) + least if left is None else left
+    scaled = columns * usual[:, None, None]
+    grams, ways = np.einsum("pkc,qkc->cpq", scaled, scaled), np.einsum("pkc,kc->cp", scaled, lacks)
+    sizes, precision = np.zeros(len(usual)), np.eye(len(usual))
+    for _ in range(ROUNDS):
+        precision = np.eye(len(usual)) + np.tensordot(1.0 / left, grams, 1)
+        root = np.linalg.cholesky(precision)
+        said = np.linalg.solve(root, (ways / left[:, None]).sum(axis=0))
+        sizes = np.linalg.solve(root.T, said)
+        if (sizes * usual < low).any() or (sizes * usual > high).any():
+            sizes = lsq_linear(root.T, said, (low / usual, high / usual)).x
+        left = np.mean((lacks - np.tensordot(sizes, scaled, 1)) ** 2, axis=0) + least
+    evidence = -0.5 * (len(lacks) * np.log(left).sum() + sizes @ sizes + np.linalg.slogdet(precision)[1])
+    return _Sized(sizes * usual, left, float(evidence))
 
 
 def _of_unit_size(

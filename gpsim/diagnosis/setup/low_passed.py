@@ -1,0 +1,115 @@
+"""A recording below a frequency: what moved and what was commanded, and what the forces on its joints were.
+
+Forces are compared after the same filter as the motion, so that what it does to one side it does to the other: the
+parallel filter of robots' identification (Gautier, Janot and Vandanjon 2013, IEEE Transactions on Control Systems
+Technology 21(2)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfiltfilt
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.diagnosis.setup.contacts import apart
+from gpsim.recordings import Episode, Recording
+from gpsim.simulators import Simulator
+
+ORDER = 4  # of the filter (Butterworth), applied forwards and backwards
+GAP = 5.0  # samples that are missing, behind which a recording begins anew
+SHORTEST, FEWEST = 60, 20  # samples and rows of a stretch, so that what the filter does at its ends is little
+
+
+@dataclass(frozen=True)
+class LowPassed:
+    """What moved below a share of the Nyquist frequency, as densely as that needs, stretch after stretch.
+
+    states (N, S); acceleration (N, C); ends: rows at which stretches end; free (N,): where nothing touches; every:
+    samples from a row to the next.
+    """
+
+    simulator: Simulator
+    states: FloatArray
+    acceleration: FloatArray
+    ends: tuple[int, ...]
+    free: BoolArray
+    every: int
+    wide: float
+    came: tuple[tuple[Episode, FloatArray], ...]
+
+    def actions(self, late: float) -> FloatArray:
+        """(N, A): what was commanded, if commands come late by so many s."""
+        below = butter(ORDER, self.wide, output="sos")
+        parts = [sosfiltfilt(below, _held(episode, t - late), axis=0) for episode, t in self.came]
+        return np.concatenate([part[:: self.every] for part in parts])
+
+    def heard(self, force: FloatArray, narrow: float) -> FloatArray:
+        """(K, ...): forces (N, ...) below a share of the Nyquist frequency, at rows that say something of their own.
+
+        Without rows where something touches, or the filter has not settled.
+        """
+        sos, rows = butter(ORDER, narrow * self.every, output="sos"), np.zeros(len(force), dtype=np.bool_)
+        spacing, first = max(round(1.0 / narrow / self.every), 1), 0
+        for last in self.ends:
+            rows[first + spacing : last - spacing : spacing] = True
+            first = last
+        parts = np.split(force, self.ends[:-1])
+        return np.concatenate([sosfiltfilt(sos, part, axis=0) for part in parts])[rows & self.free]
+
+
+def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPassed | None:
+    """The motion below a share of the Nyquist frequency; None where every stretch is too short."""
+    below, every = butter(ORDER, wide, output="sos"), max(int(1.0 / wide), 1)
+    states, acceleration, came = [], [], []
+    for episode in recording.episodes:
+        for start, stop in _stretches(episode, recording.dt):
+            grid = np.arange(start, stop, recording.dt)
+            if len(grid) < max(SHORTEST, FEWEST * every):
+                continue
+            path = CubicSpline(grid, sosfiltfilt(below, _positions(simulator, episode)(grid), axis=0))
+            t = grid[1:-1]
+            states.append(_states(simulator, path(t[::every]), path(t[::every], 1)))
+            acceleration.append(path(t[::every], 2))
+            came.append((episode, t))
+    if not states:
+        return None
+    ends = tuple(int(n) for n in np.cumsum([len(part) for part in states]))
+    moved = np.concatenate(states)
+    free = apart(simulator, len(moved) // 2, moved)
+    return LowPassed(simulator, moved, np.concatenate(acceleration), ends, free, every, wide, tuple(came))
+
+
+def _stretches(episode: Episode, dt: float) -> list[tuple[float, float]]:
+    """From when to when it was recorded, but for long gaps."""
+    breaks = np.flatnonzero(np.diff(episode.t) > GAP * dt)
+    firsts, lasts = [0, *(breaks + 1)], [*breaks, len(episode) - 1]
+    return [(episode.t[first], episode.t[last]) for first, last in zip(firsts, lasts, strict=True)]
+
+
+def _positions(simulator: Simulator, episode: Episode) -> Callable[[FloatArray], FloatArray]:
+    """Of moments (M,) the positions (M, C), by cubic splines through the samples that count."""
+    names, paths = simulator.state, []
+    for coordinate in simulator.coordinates:
+        i = names.index(coordinate.name)
+        good = np.ones(len(episode.t), bool) if episode.weights is None else episode.weights[:, i] > 0.0
+        read = episode.states[good, i]
+        paths.append(CubicSpline(episode.t[good], np.unwrap(read) if names.wraps[i] else read))
+    return lambda t: np.stack([path(t) for path in paths], axis=1)
+
+
+def _held(episode: Episode, t: FloatArray) -> FloatArray:
+    """(M, A): what was commanded at moments (M,), as a line through the middles of what was held."""
+    middle = (episode.t[1:] + episode.t[:-1]) / 2.0
+    return np.stack([np.interp(t, middle, given) for given in episode.actions.T], axis=1)
+
+
+def _states(simulator: Simulator, positions: FloatArray, speeds: FloatArray) -> FloatArray:
+    """(M, S): states of coordinates and their velocities."""
+    out = np.empty((len(positions), len(simulator.state)))
+    for c, q, v in zip(simulator.coordinates, positions.T, speeds.T, strict=True):
+        out[:, simulator.state.index(c.name)], out[:, simulator.state.index(c.velocity)] = q, v
+    return out
