@@ -368,3 +368,19 @@ def test_the_force_that_is_lacking_is_what_inverse_dynamics_say(double):
         data.qacc[:] = acc
         mujoco.mj_inverse(model, data)
         assert force == pytest.approx(data.qfrc_inverse - a, rel=1e-6, abs=1e-9)
+
+
+def test_the_force_that_is_lacking_with_a_load_is_that_of_a_model_that_carries_it(double):
+    state, action = random_states(double, 5, np.random.default_rng(8))
+    acceleration = np.random.default_rng(9).normal(size=(5, 2))
+    load = Term("payload", "lower", {"mass": 0.7, "x": 0.1, "y": -0.05, "z": -0.3})
+    lacking = double.lacking_force(state, action, acceleration, double.defaults(), [load])
+    spec = mujoco.MjSpec.from_string(DOUBLE)
+    spec.body("lower").add_geom(pos=[0.1, -0.05, -0.3], size=[1e-3, 0, 0], mass=0.7, contype=0, conaffinity=0)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for s, a, acc, force in zip(state, action, acceleration, lacking, strict=True):
+        data.qpos[:], data.qvel[:] = split(s)
+        data.qacc[:] = acc
+        mujoco.mj_inverse(model, data)
+        assert force == pytest.approx(data.qfrc_inverse - a, rel=1e-5, abs=1e-6)

@@ -14,7 +14,7 @@ from gpsim.diagnosis.fitting.descent import Descent
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine, whole_robot
 from gpsim.diagnosis.selection.refit import _pardoned
-from gpsim.diagnosis.setup import by_inverse_dynamics, is_row, offers_of, prepare
+from gpsim.diagnosis.setup import by_inverse_dynamics, is_row, is_structure, offers_of, prepare
 from gpsim.diagnosis.setup.guesses import speed_of
 from gpsim.effects import effect_of
 from gpsim.stages.diagnose import Task, open_recording
@@ -23,11 +23,18 @@ NOISE, DT, SAMPLES = 5e-4, 0.02, 300
 DRY, VISCOUS, ROTOR = (0.3, 0.15), (0.2, 0.1), (0.03, 0.01)
 
 
-@pytest.fixture(scope="module")
-def rubbing(tmp_path_factory):
-    """A double pendulum with friction and rotors at both joints, positions only; the question and the true speeds."""
-    folder = tmp_path_factory.mktemp("rubbing")
-    rng, model = np.random.default_rng(3), mujoco.MjModel.from_xml_string(DOUBLE)
+LOAD, AT = 0.3, (0.04, 0.0, -0.35)  # kg, m in the lower link's frame
+
+
+def _logged(folder, *, load=0.0, late=0, lost=()):
+    """A double pendulum with friction and rotors at both joints, positions only; the question and the true speeds.
+
+    load: kg at AT of the lower link; late: samples by which commands come late; lost: rows of every episode.
+    """
+    spec = mujoco.MjSpec.from_string(DOUBLE)
+    if load:
+        spec.body("lower").add_geom(pos=AT, size=[1e-4, 0, 0], mass=load, contype=0, conaffinity=0)
+    rng, model = np.random.default_rng(3), spec.compile()
     model.opt.timestep /= 4
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     for i in range(2):
@@ -42,10 +49,13 @@ def rubbing(tmp_path_factory):
         mujoco.mj_resetData(model, data)
         data.qpos[:] = 0.3 * rng.normal(size=2)
         tones, phases = rng.uniform(0.2, 1.5, (2, 5)), rng.uniform(0, 6.3, (2, 5))
+        waves = [np.sin(2 * np.pi * tones * DT * k + phases).sum(axis=1) for k in range(SAMPLES)]
+        commands = np.array([3.0, 1.0]) * waves
         for k in range(SAMPLES):
-            data.ctrl[:] = np.array([3.0, 1.0]) * np.sin(2 * np.pi * tones * DT * k + phases).sum(axis=1)
+            data.ctrl[:] = commands[max(k - late, 0)]
             q = data.qpos + NOISE * rng.normal(size=2)
-            rows.append(f"{e},{DT * k:.3f}," + ",".join(f"{v:.7f}" for v in (*q, *data.ctrl)))
+            if k not in lost:
+                rows.append(f"{e},{DT * k:.3f}," + ",".join(f"{v:.7f}" for v in (*q, *commands[k])))
             speeds.append(np.array(data.qvel))
             mujoco.mj_step(model, data, round(DT / model.opt.timestep))
     (folder / "recording.csv").write_text("\n".join(rows) + "\n")
@@ -55,6 +65,12 @@ def rubbing(tmp_path_factory):
     written(folder, DOUBLE)
     recording, simulator = open_recording(Task(folder, None))
     return prepare(recording, simulator, simulator.defaults(), Run()), np.array(speeds).reshape(3, SAMPLES, 2)
+
+
+@pytest.fixture(scope="module")
+def rubbing(tmp_path_factory):
+    """Friction and rotors alone."""
+    return _logged(tmp_path_factory.mktemp("rubbing"))
 
 
 def test_a_speed_is_taken_over_as_many_samples_as_noise_asks_for():
@@ -115,15 +131,32 @@ def test_inverse_dynamics_size_all_rows_within_their_bounds_and_without_a_simula
     assert (theta >= low).all()
 
 
-def test_inverse_dynamics_of_late_commands_take_those_that_came_then(rubbing):
-    question = rubbing[0]
-    later = [replace(e, actions=np.roll(e.actions, -2, axis=0)) for e in question.recording.episodes]
-    late = replace(question.recording, episodes=tuple(later))  # so that what moved it comes two samples after
-    problem, rows = question.searched, _frictions(question, 0.0)
-    sized = by_inverse_dynamics(problem, question.recording, rows)
-    assert by_inverse_dynamics(problem, late, rows, 2 * DT).theta == pytest.approx(
-        sized.theta, rel=0.1, abs=1e-3
+def test_inverse_dynamics_find_a_load_and_how_late_commands_come_though_rows_are_lost(tmp_path):
+    """Of a log whose samples are not all there; a load at its place, the links' own masses left as they are."""
+    question = _logged(tmp_path, load=LOAD, late=1, lost=range(40, SAMPLES, 37))[0]
+    offers, rows = offers_of(question), _frictions(question, 0.0)
+    others, delays = (
+        [c for c in offers if is_structure(c)],
+        [c for c in offers if c.family == "actuator_delay"],
     )
+    found = by_inverse_dynamics(question.searched, question.recording, rows, others, delays)
+    said = {(t.family, t.on): t.values for t in found.terms}
+    load = said["payload", "lower"]
+    assert load["mass"] == pytest.approx(LOAD, rel=0.1)
+    assert (load["x"], load["z"]) == pytest.approx((AT[0], AT[2]), abs=0.02)
+    assert all(said["actuator_delay", m]["delay"] == pytest.approx(DT, rel=0.15) for m in ("m1", "m2"))
+    assert {"parameter_offset", "actuator_gain"}.isdisjoint(family for family, _ in said)
+
+
+def test_inverse_dynamics_claim_neither_loads_nor_late_commands_of_what_has_none(rubbing):
+    question = rubbing[0]
+    offers, rows = offers_of(question), _frictions(question, 0.0)
+    others, delays = (
+        [c for c in offers if is_structure(c)],
+        [c for c in offers if c.family == "actuator_delay"],
+    )
+    found = by_inverse_dynamics(question.searched, question.recording, rows, others, delays)
+    assert found.claims == rows.claims
 
 
 def test_what_is_no_row_of_a_joint_is_not_sized_by_inverse_dynamics(rubbing):

@@ -80,7 +80,7 @@ def by_inverse_dynamics(
     return found[best] if best else None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Part:
     """What may be missing: columns (P, K, C) of forces of size 1, bounds and usual sizes (P,), whence its values.
 
@@ -190,21 +190,28 @@ class _Regression:
         rows = self._rows()
         if rows.columns.shape[1] < 2 * len(rows.usual):
             return []
-        late = self._late(rows) if self.delays else 0.0
-        parts = [rows, *self._lateness(late)]
+        late, parts = self._again(self._late([rows]), [rows])
+        out = [self._hypothesis(*self._fitted(late, parts))]
         about = {c: tuple(p.starts[0] for p in c.declared) for c in others}
-        chosen = self._chosen(late, parts, [self._part(c, v, late) for c, v in about.items()])
-        out = [self._settled(late, parts)]
-        return out if len(chosen) == len(parts) else [*out, self._settled(late, chosen)]
+        left = [self._part(c, v, late) for c, v in about.items()]
+        while left and len(parts) <= MOST and (more := self._one_more(late, parts, left)):
+            left.remove(more)
+            late, parts = self._again(self._late([*parts, more]), [*parts, more])
+        return [*out, self._hypothesis(*self._fitted(late, parts))] if len(parts) > 1 else out
 
-    def _settled(self, late: float, parts: list[_Part]) -> Hypothesis:
-        """The hypothesis of these parts, linearised where they were found."""
-        fit = _fit(self._lacks(late), parts)
-        about = {p.candidate: p.values(s) for p, s in _split(parts, fit) if p.candidate}
-        late = self._later(parts, fit, late)
-        parts = [parts[0], *self._lateness(late), *(self._part(c, v, late) for c, v in about.items())]
-        fit = _fit(self._lacks(late), parts)
-        return self._hypothesis(parts, fit, self._later(parts, fit, late))
+    def _again(self, late: float, parts: Sequence[_Part]) -> tuple[float, list[_Part]]:
+        """How late commands come, and rows and bodies linearised where they were found."""
+        every, fit, late = self._fitted(late, parts)
+        about = {p.candidate: p.values(s) for p, s in _split(every, fit) if p.candidate}
+        return late, [parts[0], *(self._part(c, v, late) for c, v in about.items())]
+
+    def _fitted(self, late: float, parts: Sequence[_Part]) -> tuple[list[_Part], _Sized, float]:
+        """Rows, bodies and how late commands come, fitted: all parts, their sizes, and how late then."""
+        rows, *off = parts
+        lateness = self._lateness(late)
+        every = [rows, *lateness, *off]
+        fit = _fit(self._lacks(late), every)
+        return every, fit, late + sum(float(fit.sizes[len(rows.usual)]) for _ in lateness)
 
     def _heard(self, force: FloatArray) -> FloatArray:
         return self.forces.motion.heard(force, self.narrow)
@@ -215,10 +222,12 @@ class _Regression:
     def _lacks(self, late: float) -> FloatArray:
         return self._heard(self.forces.lacking(late))
 
-    def _late(self, rows: _Part) -> float:
+    def _late(self, parts: list[_Part]) -> float:
         """How late commands come (s), by a scan; at once where that is as good."""
+        if not self.delays:
+            return 0.0
         scanned = [float(late) for late in np.arange(0.0, LATEST + GRID / 2.0, GRID) * self.forces.dt]
-        evidence = [_fit(self._lacks(late), [rows]).evidence for late in scanned]
+        evidence = [_fit(self._lacks(late), parts).evidence for late in scanned]
         best = int(np.argmax(evidence))
         return scanned[best] if evidence[best] > evidence[0] + ENOUGH else 0.0
 
@@ -231,9 +240,6 @@ class _Regression:
         change = (self._lacks(late) - self._lacks(late + more))[None] / more
         low, high = np.array([-late]), np.array([LATEST * dt - late])
         return [_Part(None, change, low, high, np.array([GRID * dt]))]
-
-    def _later(self, parts: Sequence[_Part], fit: _Sized, late: float) -> float:
-        return late + float(fit.sizes[len(parts[0].usual)]) if late else 0.0
 
     def _rows(self) -> _Part:
         """Every row, at its own joint."""
@@ -259,18 +265,13 @@ class _Regression:
         low, high = np.array([0.0, *-moments]), np.array([declared[0].high, *moments])
         return _Part(candidate, change, low, high, usual, np.array(about[1:]))
 
-    def _chosen(self, late: float, parts: list[_Part], others: list[_Part]) -> list[_Part]:
-        """The parts and, by turns, of the others what brings most evidence, while that is enough."""
-        lacks = self._lacks(late)
-        best = _fit(lacks, parts)
-        while others and sum(p.candidate is not None for p in parts) < MOST:
-            fits = [_fit(lacks, [*parts, part], best.left) for part in others]
-            found = int(np.argmax([fit.evidence for fit in fits]))
-            if fits[found].evidence < best.evidence + ENOUGH:
-                break
-            parts = [*parts, others.pop(found)]
-            best = _fit(lacks, parts)
-        return parts
+    def _one_more(self, late: float, parts: Sequence[_Part], left: Sequence[_Part]) -> _Part | None:
+        """Of what is left what brings most evidence, where that is enough."""
+        lacks, every = self._lacks(late), [*parts, *self._lateness(late)]
+        best = _fit(lacks, every)
+        fits = [_fit(lacks, [*every, part], best.left) for part in left]
+        found = int(np.argmax([fit.evidence for fit in fits]))
+        return left[found] if fits[found].evidence > best.evidence + ENOUGH else None
 
     def _hypothesis(self, parts: Sequence[_Part], fit: _Sized, late: float) -> Hypothesis:
         """The hypothesis that least squares say."""
