@@ -11,6 +11,8 @@ from gpsim.mjcf.naming import servoed
 from gpsim.simulators import ModelPlace
 
 CARRIES = 0.5  # kg, a payload on a body that weighs next to nothing
+WHOLE = 0.1
+"""Of all that moves, what a payload is counted in where its body weighs less (arms lift up to half of their weight)."""
 
 
 def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mapping[str, ModelPlace]]:
@@ -22,10 +24,11 @@ def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mappin
         for c, j, d in zip(names.coordinates, names.joints, names.dofs, strict=True)
         if c.name in coordinates
     ]
+    least = WHOLE * float(model.body_mass.sum())
     payload = {
         name: ModelPlace(
             "kg",
-            float(model.body_mass[b]) or CARRIES,
+            max(float(model.body_mass[b]), least) or CARRIES,
             lengths[name],
             centre=tuple(float(x) for x in model.body_ipos[b]),
         )

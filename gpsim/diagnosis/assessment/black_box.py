@@ -107,5 +107,5 @@ def _taken_off(means: Mapping[str, FloatArray], name: str) -> FloatArray:
     """(1 + D,) how much less a box's error beyond noise is than the account's, channels by their geometric mean."""
     floor = means["noise_floor"]
     left, own = (np.maximum(means[kind] - floor, TINY) for kind in (name, "after"))
-    ratios = np.clip(np.sqrt(left / own), LEAST_RATIO, 1.0 / LEAST_RATIO)
-    return np.asarray(1.0 - np.exp(np.log(ratios).mean(axis=1)))
+    ratios = np.clip(0.5 * np.log(left) - 0.5 * np.log(own), np.log(LEAST_RATIO), -np.log(LEAST_RATIO))
+    return np.asarray(1.0 - np.exp(ratios.mean(axis=1)))

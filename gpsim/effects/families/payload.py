@@ -23,7 +23,7 @@ class Payload(ModelEffect):
             0.0,
             5.0,
             "size",
-            "what arms lift by their data sheets: up to five times of what their last body weighs",
+            "what arms lift by their data sheets: five times of what their last body weighs, or half of all that moves",
         ),
     }
 
