@@ -16,8 +16,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gpsim.diagnosis.fitting import (
     Candidate,
     Fit,
@@ -30,7 +28,6 @@ from gpsim.diagnosis.fitting import (
     fit_order,
     quadratic,
     scores,
-    whiteness,
 )
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
