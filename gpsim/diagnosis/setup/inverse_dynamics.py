@@ -35,6 +35,9 @@ MOST = 6  # bodies and motors that are off at once, at most
 ROUNDS = 3  # of weights by what is left at each joint
 NARROW = 1e-9  # of what a joint lacks, below which it is known without noise
 OFF, MISTAKEN = 0.3, 0.15  # by which masses are usually off, and gains of motors
+TWICE = (
+    2.0  # times as much, by which a size is off at most: what is noisy is best foreseen by next to nothing
+)
 ROW = 3.0  # times its usual start, that a joint's row may well be
 MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 
@@ -84,7 +87,7 @@ def by_inverse_dynamics(
 class _Part:
     """What may be missing: columns (P, K, C) of forces of size 1, bounds and usual sizes (P,), whence its values.
 
-    centre: where a payload's moments are counted from.
+    centre: where a payload's moments are counted from. gain: whether it scales what was measured.
     """
 
     candidate: Candidate | None
@@ -93,6 +96,16 @@ class _Part:
     high: FloatArray
     usual: FloatArray
     centre: FloatArray = field(default_factory=lambda: np.empty(0))
+    gain: bool = False
+
+    def sensible(self, sizes: FloatArray) -> bool:
+        """Whether no bound holds it: a payload has its mass where its moments say, near its body."""
+        assert self.candidate is not None
+        held = (sizes <= self.low) | (sizes >= self.high)
+        if held.any() or not len(self.centre):
+            return not held.any()
+        at, declared = self.centre + sizes[1:] / sizes[0], self.candidate.declared[1:]
+        return all(p.low < x < p.high for x, p in zip(at, declared, strict=True))
 
     def values(self, sizes: FloatArray) -> tuple[float, ...]:
         """The candidate's values, within its bounds."""
@@ -252,13 +265,12 @@ class _Regression:
     def _part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> _Part:
         """A body or a motor that is off: what it changes about these values."""
         declared = candidate.declared
-        low, high = (np.array([getattr(p, end) - p.none for p in declared]) for end in ("low", "high"))
         if candidate.family == "actuator_gain":
-            change = self._columns(self.forces.of_gain(candidate, late))
-            return _Part(candidate, change, low, high, np.array([MISTAKEN]))
-        change = self._columns(self.forces.of_body(candidate, about))
+            change, off = self._columns(self.forces.of_gain(candidate, late)), np.array([MISTAKEN])
+            return _Part(candidate, change, -TWICE * off, TWICE * off, off, gain=True)
+        change, off = self._columns(self.forces.of_body(candidate, about)), np.array([OFF])
         if candidate.family != "payload":
-            return _Part(candidate, change, low, high, np.array([OFF]))
+            return _Part(candidate, change, -TWICE * off, TWICE * off, off)
         heavy = (declared[0].plausible or (0.0, declared[0].high))[1] / 2.0
         usual = np.array([heavy, *(heavy * p.scale for p in declared[1:])])
         moments = np.full(len(declared) - 1, np.inf)
@@ -268,10 +280,13 @@ class _Regression:
     def _one_more(self, late: float, parts: Sequence[_Part], left: Sequence[_Part]) -> _Part | None:
         """Of what is left what brings most evidence, where that is enough."""
         lacks, every = self._lacks(late), [*parts, *self._lateness(late)]
-        best = _fit(lacks, every)
-        fits = [_fit(lacks, [*every, part], best.left) for part in left]
-        found = int(np.argmax([fit.evidence for fit in fits]))
-        return left[found] if fits[found].evidence > best.evidence + ENOUGH else None
+        best, found = _fit(lacks, every), None
+        enough = best.evidence + ENOUGH
+        for part in left:
+            fit = _fit(lacks, [*every, part], best.left)
+            if fit.evidence > enough and part.sensible(fit.sizes[-len(part.usual) :]):
+                enough, found = fit.evidence, part
+        return found
 
     def _hypothesis(self, parts: Sequence[_Part], fit: _Sized, late: float) -> Hypothesis:
         """The hypothesis that least squares say."""
@@ -307,7 +322,9 @@ def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = No
         if (sizes * usual < low).any() or (sizes * usual > high).any():
             sizes = lsq_linear(root.T, said, (low / usual, high / usual)).x
         left = np.mean((lacks - np.tensordot(sizes, scaled, 1)) ** 2, axis=0) + least
-    evidence = -0.5 * (len(lacks) * np.log(left).sum() + sizes @ sizes + np.linalg.slogdet(precision)[1])
+    gains = np.concatenate([np.full(len(p.usual), p.gain) for p in parts])
+    noise = np.log(left).sum() - 2.0 * np.log1p((sizes * usual)[gains]).sum()  # of what was measured
+    evidence = -0.5 * (len(lacks) * noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
     return _Sized(sizes * usual, left, float(evidence))
 
 
