@@ -35,10 +35,11 @@ from gpsim.diagnosis.report import (
     NamedEffect,
     Remainder,
     RemainderGp,
+    Share,
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import origins, owner_of
+from gpsim.effects import Term, origins, owner_of
 from gpsim.residuals import held_out_names
 
 
@@ -106,7 +107,11 @@ def _rival(question: Question, answer: Answer, index: int) -> Alternative:
     judgement = answer.judgement
     found, probability = judgement.rivals[index], judgement.probabilities[1 + index]
     sizes = estimates(question, found, judgement.lack, 1.0 - answer.attribution.share.share)
-    return Alternative(_effects(question, answer, found, probability, sizes), probability)
+    effects = _effects(question, answer, found, probability, sizes)
+    told = zip(effects, found.hypothesis.terms, strict=True)
+    return Alternative(
+        tuple(replace(effect, on=on) for effect, term in told for on in term.places), probability
+    )
 
 
 def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...]) -> HeldOutFit:
@@ -120,12 +125,26 @@ def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...])
 
 def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
     """The effects with what they are worth."""
-    worth = answer.attribution
-    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.laws.forms, strict=True)
+    worth, terms = answer.attribution, answer.judgement.leader.hypothesis.terms
+    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.laws.forms, terms, strict=True)
     return tuple(
-        replace(effect, importance=importance, needed=needed, role=role, form=form)
-        for effect, importance, needed, role, form in parts
+        replace(
+            effect,
+            on=on,
+            importance=_part(importance, term),
+            needed=_part(needed, term),
+            role=role,
+            form=form,
+        )
+        for effect, importance, needed, role, form, term in parts
+        for on in term.places
     )
+
+
+def _part(share: Share, term: Term) -> Share:
+    """What one of the places on which a term acts alike is worth."""
+    low, high = (None if edge is None else edge / len(term.places) for edge in (share.low, share.high))
+    return replace(share, share=share.share / len(term.places), low=low, high=high)
 
 
 def _remainder(problem: Problem, answer: Answer) -> Remainder:

@@ -213,7 +213,7 @@ def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPl
     return EffectsPlant(
         question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
-        leader.terms,
+        tuple(each for term in leader.terms for each in term.apart),
         leader.scheme if leader.terms else _scheme(question.recording, question.whole),
         substeps,
         dt,

@@ -169,10 +169,10 @@ def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis)
 def _explanation(
     problem: Problem, fit: Fit, probability: float, effects: Sequence[NamedEffect], names: Sequence[str]
 ) -> Explanation:
-    """effects: the account's, one a term; names: of several recordings."""
+    """effects: the account's; names: of several recordings."""
     whole, every, last = fit.hypothesis, covariance(problem, fit), len(names) - 1
     rows = {(term.identity, p.name): row for row, (_, term, p) in enumerate(parameters_of(whole))}
-    told = {term.identity: effect for term, effect in zip(whole.terms, effects, strict=True)}
+    told = {(effect.family, effect.on): effect for effect in effects}
     own = _begun(whole.in_recording(last) if names else whole)
     declared, kept, intervals = [], [], []
     for term, group in zip(own.terms, own.declared, strict=True):

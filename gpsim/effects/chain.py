@@ -94,9 +94,9 @@ class Chain:
         # What was found on a thinned clock may be late by more of this clock's steps.
         late = (v for t in self.terms for name, v in t.values.items() if base_name(name) == "delay")
         longest = max(longest_delay(self.dt), *late, 0.0)
-        for i, effect, _ in self._actuators:
-            part = effect.begin(count, longest, step)
-            memory |= {f"{i}/{key}": values for key, values in part.items()}
+        for i, effect, column in self._actuators:
+            part, own = effect.begin(count, longest, step), self._own(i, column)
+            memory |= {f"{own}{key}": values for key, values in part.items()}
         return memory
 
     @cached_property
@@ -109,9 +109,10 @@ class Chain:
     def finer(self, memory: Memory, times: int) -> Memory:
         """The actuators' memory for a grid that is so many times finer from here on."""
         return {
-            f"{i}/{key}": values
-            for i, effect, _ in self._actuators
-            for key, values in effect.finer(part_of(memory, f"{i}/"), times).items()
+            f"{own}{key}": values
+            for i, effect, column in self._actuators
+            for own in (self._own(i, column),)
+            for key, values in effect.finer(part_of(memory, own), times).items()
         }
 
     def commands(
@@ -163,7 +164,7 @@ class Chain:
         out = np.array(actions)
         for column in dict.fromkeys(column for _, _, column in self._actuators):
             way = [
-                (self.terms[i].gate, e, values[i], part_of(memory, f"{i}/"))
+                (self.terms[i].gate, e, values[i], part_of(memory, self._own(i, c)))
                 for i, e, c in self._actuators
                 if c == column
             ]
@@ -187,7 +188,8 @@ class Chain:
 
     def remembers(self, values: Sequence[Values]) -> float:
         """How long [s] a command matters after it was given, through all that happens to it."""
-        return sum(effect.remembers(values[i]) for i, effect, _ in self._actuators)
+        acting = dict.fromkeys((i, effect) for i, effect, _ in self._actuators)
+        return sum(effect.remembers(values[i]) for i, effect in acting)
 
     def acts(self, term: int) -> bool:
         """Whether a term changes commands."""
@@ -267,11 +269,16 @@ class Chain:
     @cached_property
     def _actuators(self) -> list[tuple[int, ActuatorEffect, int]]:
         found = [
-            (i, term.effect, self.simulator.action.index(term.on))
+            (i, term.effect, self.simulator.action.index(on))
             for i, term in enumerate(self.terms)
             if isinstance(term.effect, ActuatorEffect)
+            for on in term.places
         ]
         return sorted(found, key=lambda item: item[1].order)
+
+    def _own(self, term: int, column: int) -> str:
+        """How what a term remembers of an action is called."""
+        return f"{term}:{column}/" if self.terms[term].also else f"{term}/"
 
     @cached_property
     def _forces(self) -> Forces:

@@ -121,7 +121,8 @@ def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> Float
 class Term:
     """One effect on `on` with parameter values; `variant` names the law where a family has several.
 
-    Some values may be one recording's own, where several are judged together: see `gpsim.effects.own`.
+    Some values may be one recording's own, where several are judged together: see `gpsim.effects.own`. also: further
+    actions on which it acts alike: commands over one bus come equally late.
     """
 
     family: str
@@ -129,6 +130,17 @@ class Term:
     values: Mapping[str, float] = field(default_factory=dict)
     gate: Gate = field(default_factory=Gate)
     variant: str = ""
+    also: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Everything that it acts on."""
+        return self.on, *self.also
+
+    @property
+    def apart(self) -> tuple[Term, ...]:
+        """The same, a term for each place."""
+        return tuple(replace(self, on=on, also=()) for on in self.places)
 
     @property
     def effect(self) -> Effect:
@@ -165,7 +177,7 @@ def to_json(term: Term) -> dict[str, Any]:
         "region": {k: [float(low), float(high)] for k, (low, high) in term.gate.region.items()},
         "since": term.gate.since,
         "since_episode": term.gate.since_episode,
-    }
+    } | ({"also": list(term.also)} if term.also else {})
 
 
 def from_json(data: Mapping[str, Any]) -> Term:
@@ -176,7 +188,8 @@ def from_json(data: Mapping[str, Any]) -> Term:
         episode = data.get("since_episode")  # earlier versions knew none
         gate = Gate(region, since, since_episode=None if episode is None else int(episode))
         values = {str(k): float(v) for k, v in data["values"].items()}
-        term = Term(str(data["family"]), str(data["on"]), values, gate, str(data["variant"]))
+        also = tuple(str(on) for on in data.get("also", ()))
+        term = Term(str(data["family"]), str(data["on"]), values, gate, str(data["variant"]), also)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UsageError(
             f"an effect needs family, on, variant, values, region and since, got {data!r}"

@@ -89,26 +89,32 @@ def rows_of(headline: Sequence[NamedEffect], diagnosis: Diagnosis) -> list[Row]:
 
 def _may_be_grouped(effect: NamedEffect) -> bool:
     return (
-        (effect.site == "force" or effect.family == "armature")
+        (effect.site in ("force", "actuator") or effect.family == "armature")
         and not (effect.region or effect.since or effect.recordings)
         and len(effect.parameters) == 1
     )
 
 
 def _group_of(group: Sequence[NamedEffect]) -> Row:
-    """One row of the same effect on several joints: what it is worth altogether, the weakest odds, each size."""
+    """One row of the same effect on several joints: what it is worth altogether, the weakest odds, each size.
+
+    Commands over one bus come equally late: one size for all.
+    """
     shares = [e.importance.share for e in group if e.importance is not None]
     share = sum(shares) if shares and math.isfinite(sum(shares)) else None
     forms = {e.form for e in group}
     form: Form = next((f for f in ("approximate", "untested") if f in forms), "holds")
     weakest = min(group, key=lambda e: math.inf if e.odds is None or e.odds.nats is None else e.odds.nats)
-    name = f"{noun(group[0].family)} on {len(group)} joints"
+    name = (
+        f"{noun(group[0].family)} on {len(group)} {'actuators' if group[0].site == 'actuator' else 'joints'}"
+    )
     members = sorted((e.place, _sizes(e)[0][1]) for e in group)
+    alike = len({size for _, size in members}) == 1
     return Row(
         effect=name,
         whole=name,
         gate="",
-        sizes=(("", "each below"),),
+        sizes=(("", f"{members[0][1]} each" if alike else "each below"),),
         share=share,
         percent=MISSING if share is None else f"{percent(share)} %",
         interval="",
@@ -116,7 +122,7 @@ def _group_of(group: Sequence[NamedEffect]) -> Row:
         instead=_instead(weakest),
         law=LAW[form],
         approximate=form == "approximate",
-        members=tuple(sorted(members, key=lambda m: _natural(m[0]))),
+        members=() if alike else tuple(sorted(members, key=lambda m: _natural(m[0]))),
     )
 
 

@@ -140,7 +140,7 @@ def test_inverse_dynamics_find_a_load_and_how_late_commands_come_though_rows_are
         [c for c in offers if c.family == "actuator_delay"],
     )
     found = by_inverse_dynamics(question.searched, question.recording, rows, others, delays)
-    said = {(t.family, t.on): t.values for t in found.terms}
+    said = {(t.family, on): t.values for t in found.terms for on in t.places}
     load = said["payload", "lower"]
     assert load["mass"] == pytest.approx(LOAD, rel=0.1)
     assert (load["x"], load["z"]) == pytest.approx((AT[0], AT[2]), abs=0.02)

@@ -69,7 +69,7 @@ class Hypothesis:
     @property
     def claims(self) -> frozenset[tuple[str, str]]:
         """Family and place of every term."""
-        return frozenset(term.identity for term in self.terms)
+        return frozenset((term.family, on) for term in self.terms for on in term.places)
 
     @property
     def label(self) -> str:
@@ -82,7 +82,9 @@ class Hypothesis:
     @property
     def names(self) -> tuple[str, ...]:
         """What each term claims, and behind which gate."""
-        return tuple(f"{t.family} on {t.on}{_behind(t.gate)}{_of_its_own(t)}" for t in self.terms)
+        return tuple(
+            f"{t.family} on {'+'.join(t.places)}{_behind(t.gate)}{_of_its_own(t)}" for t in self.terms
+        )
 
     @property
     def unusual(self) -> int:
@@ -102,7 +104,8 @@ class Hypothesis:
     def says_the_same_as(self, other: Hypothesis) -> bool:
         """Whether the same terms stand behind the same gates, integrated alike, whatever their values."""
         said = [
-            sorted((t.identity, t.variant, repr(t.gate), t.owners) for t in h.terms) for h in (self, other)
+            sorted((t.family, t.places, t.variant, repr(t.gate), t.owners) for t in h.terms)
+            for h in (self, other)
         ]
         return self.scheme == other.scheme and said[0] == said[1]
 

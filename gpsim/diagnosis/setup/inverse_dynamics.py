@@ -12,7 +12,7 @@ come of it, so that it may look at the whole recording.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -294,9 +294,11 @@ class _Regression:
         for part, sizes in _split(parts, fit):
             if part.candidate is not None:
                 out = child_of(out, part.candidate, part.values(sizes))
-        for delay in self.delays if late else ():
-            declared = delay.declared[0]
-            out = child_of(out, delay, (float(np.clip(late, declared.low, declared.high)),))
+        if self.delays and late:
+            first, *others = self.delays
+            declared = first.declared[0]
+            term = first.term((float(np.clip(late, declared.low, declared.high)),))
+            out = out.plus(replace(term, also=tuple(c.place.on for c in others)), first.declared)
         return out
 
 
