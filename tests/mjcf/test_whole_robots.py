@@ -120,7 +120,7 @@ def _begun(question):
     """What the best account of the usual machine says, its sizes by family and place."""
     path = usual_machine(question, offers_of(question))
     best = path[int(np.argmax(scores(question.searched, path)))]
-    return {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
+    return {(t.family, on): next(iter(t.values.values())) for t in best.hypothesis.terms for on in t.places}
 
 
 def test_inverse_dynamics_size_all_rows_within_their_bounds_and_without_a_simulation(rubbing):
