@@ -1,4 +1,4 @@
-"""Models that the tests write down: a pendulum, a slider, a double pendulum, a hopper in the air, an arm that touches."""
+"""Models that the tests write down: a pendulum, a slider, a double pendulum, a hopper in the air, a skid on a floor."""
 
 from pathlib import Path
 
@@ -28,6 +28,13 @@ FLOATING = f"""<mujoco><option timestep="0.002"/><worldbody>
 <body name="base"><freejoint name="root"/><geom size=".1" mass="2" contype="0" conaffinity="0"/>
 <body name="leg"><joint name="hip" axis="0 1 0"/>{LINK.format(0.4, 0.6)}</body></body></worldbody>
 <actuator><motor name="motor" joint="hip"/></actuator></mujoco>"""
+
+SKID = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+<geom name="floor" type="plane" size="20 20 1" friction="{floor}"/>
+<body name="skid" pos="0 0 .1"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+<geom name="sole" size=".1" mass="1.5" friction="{sole}"/></body></worldbody>
+<actuator><motor name="pull" joint="x"/><motor name="lift" joint="z"/></actuator></mujoco>"""
+"""A ball that is dragged over a floor without turning; the friction of both is to be filled in."""
 
 
 def written(folder: Path, text: str, name: str = "robot.xml") -> str:

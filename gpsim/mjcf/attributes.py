@@ -29,13 +29,14 @@ JOINT = {
 """Attribute of a joint -> the fields that it is."""
 INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diaginertia": "body_inertia"}
 SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
+GEOM = {"friction": "geom_friction", "solref": "geom_solref"}
 """What MjSpec calls otherwise than MJCF."""
 _DASHES = re.compile("-(?=-)")  # no two may follow each other in a comment
 
 
 @dataclass
 class Change:
-    """Attributes of one element as they are to be. kind: joint, body, actuator, option; index: in the model.
+    """Attributes of one element as they are to be. kind: joint, body, geom, actuator, option; index: in the model.
 
     kept: those of them that are written because others beside them must be.
     """
@@ -49,7 +50,12 @@ class Change:
 
 def changes_of(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> list[Change]:
     """Every element of which something is to be other than in the model."""
-    found = [*_options(body, fields, step), *_joints(body, fields), *_bodies(body, fields)]
+    found = [
+        *_options(body, fields, step),
+        *_joints(body, fields),
+        *_bodies(body, fields),
+        *_geoms(body, fields),
+    ]
     return [*found, *_actuators(body, fields, motors, step)]
 
 
@@ -102,6 +108,14 @@ def _bodies(body: Body, fields: Fields) -> Iterator[Change]:
             yield Change("body", b, {a: np.atleast_1d(np.array(v)) for a, v in now.items()}, kept)
 
 
+def _geoms(body: Body, fields: Fields) -> Iterator[Change]:
+    for g in range(body.base.ngeom):
+        now = {attribute: np.array(_now(body, fields, name)[g]) for attribute, name in GEOM.items()}
+        made: dict[str, Value] = {a: v for a, v in now.items() if (v != _was(body, GEOM[a])[g]).any()}
+        if made:
+            yield Change("geom", g, made)
+
+
 def _actuators(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> Iterator[Change]:
     mj, model, of = mujoco(), body.base, {m.index: m for m in motors}
     for i in range(model.nu):
@@ -130,8 +144,13 @@ def _actuators(body: Body, fields: Fields, motors: Sequence[Motor], step: float)
             yield Change("actuator", i, made)
 
 
-def named(spec: Any) -> None:
-    """Give what has no name the one by which gpsim calls it; the spec must have been compiled."""
+def named(spec: Any, geoms: Mapping[int, str]) -> None:
+    """Give what has no name the one by which gpsim calls it; the spec must have been compiled.
+
+    geoms: those that are a parameter's, by their numbers.
+    """
+    for geom in spec.geoms:
+        geom.name = geom.name or geoms.get(geom.id, "")
     for kind, elements in (("joint", spec.joints), ("actuator", spec.actuators), ("body", spec.bodies[1:])):
         for element in elements:
             if not element.name:
@@ -143,13 +162,17 @@ def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
     mj = mujoco()
     if any(c.kind == "body" for c in changes):
         _release_inertia(mj, spec, body)
-    bodies, joints, actuators = ({e.id: e for e in g} for g in (spec.bodies, spec.joints, spec.actuators))
+    groups = (spec.bodies, spec.joints, spec.actuators, spec.geoms)
+    bodies, joints, actuators, geoms = ({e.id: e for e in group} for group in groups)
     for change in changes:
         if change.kind == "option":
             for name, value in change.attributes.items():
                 setattr(spec.option, name, value if name == "gravity" else float(value[0]))
         elif change.kind == "joint":
             _to_joint(mj, spec, joints[change.index], change.attributes)
+        elif change.kind == "geom":
+            for name, value in change.attributes.items():
+                setattr(geoms[change.index], name, value)
         elif change.kind == "body":
             _to_body(bodies[change.index], change.attributes)
         else:
@@ -246,7 +269,8 @@ def _element(root: Any, spec: Any, change: Change) -> Any:
             found = ElementTree.Element("option")
             root.insert(1 if len(root) and root[0].tag == "compiler" else 0, found)
         return found
-    group = {"joint": spec.joints, "body": spec.bodies, "actuator": spec.actuators}[change.kind]
+    groups = {"joint": spec.joints, "body": spec.bodies, "geom": spec.geoms, "actuator": spec.actuators}
+    group = groups[change.kind]
     name = next(e.name for e in group if e.id == change.index)
     place = root.find("actuator" if change.kind == "actuator" else "worldbody")
     places = list(place) if change.kind == "actuator" else place.iter(change.kind)

@@ -4,33 +4,24 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.mjcf.batches import Pools
+from gpsim.mjcf.knobs import HEAVIEST, Knob, gain_knob, place_knob, scale_knob
 from gpsim.mjcf.loading import Loaded
 from gpsim.mjcf.naming import Names, names_of
 from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.surfaces import Surface, surfaces_of
 from gpsim.simulators import Parameter
 
 HELD = 1e9  # of inertia: what is held by a mount heavier than anything
 LENGTHS = 5.0  # a centre of mass lies no more than so many lengths of its body from where it is believed
 SHORT = 0.02  # m, the least length of a body
-HEAVIEST = 20.0  # times what is believed
 LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording shows
-
-
-@dataclass(frozen=True)
-class Knob:
-    """One parameter of a model: the fields it changes, and how its value (B,) writes them."""
-
-    fields: tuple[str, ...]
-    write: Callable[[Mapping[str, FloatArray], FloatArray], None]
 
 
 @dataclass
@@ -47,6 +38,7 @@ class Body:
     names: Names
     parameters: dict[str, Parameter]
     knobs: dict[str, Knob]
+    surfaces: tuple[Surface, ...]
     pools: Pools = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,7 +80,10 @@ def body_of(
             model.dof_damping[dof] = 0.0
             model.dof_frictionloss[dof] = 0.0
     parameters, knobs = _parameters(base, names)
-    return Body(loaded, base, model, names, parameters, knobs)
+    surfaces = surfaces_of(base, names, where)
+    parameters |= {s.parameter: s.declared for s in surfaces}
+    knobs |= {s.parameter: s.knob for s in surfaces}
+    return Body(loaded, base, model, names, parameters, knobs, surfaces)
 
 
 def _let_friction_act(model: Any) -> None:
@@ -158,7 +153,7 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
             0.0,
             HEAVIEST * size,
             "acceleration of gravity",
-            _scaled(("opt.gravity",), (), size),
+            scale_knob(("opt.gravity",), (), size),
         )
     for b in _moving(model):
         name, mass, length = names.bodies[b], float(model.body_mass[b]), _length(model, b)
@@ -169,13 +164,13 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
             mass / HEAVIEST,
             HEAVIEST * mass,
             f"mass of {name}",
-            _set("body_mass", b),
+            place_knob("body_mass", b),
         )
         if int(model.body_simple[b]) == 0:  # else MuJoCo takes its part of the mass matrix for diagonal
             for axis, letter in enumerate("xyz"):
                 at = float(model.body_ipos[b, axis])
                 text = f"centre of mass of {name} along its {letter}"
-                knob, far = _set("body_ipos", b, axis), LENGTHS * length
+                knob, far = place_knob("body_ipos", b, axis), LENGTHS * length
                 add(f"{name}.com_{letter}", "m", at, at - far, at + far, text, knob, length)
         inertia = float(model.body_inertia[b].max())
         if inertia > 0.0 and not _points(model, b):
@@ -187,7 +182,7 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
                 inertia / HEAVIEST,
                 HEAVIEST * inertia,
                 text,
-                _scaled(("body_inertia",), (b,), inertia),
+                scale_knob(("body_inertia",), (b,), inertia),
             )
     for i, action in enumerate(names.action.names):
         stiff, damped = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
@@ -199,7 +194,7 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
                 stiff / HEAVIEST,
                 HEAVIEST * stiff,
                 f"position gain of {action}",
-                _gain(i, 1, stiff, moves=True),
+                gain_knob(i, 1, stiff, moves=True),
             )
         if damped > 0.0:
             add(
@@ -209,7 +204,7 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
                 damped / HEAVIEST,
                 HEAVIEST * damped,
                 f"velocity gain of {action}",
-                _gain(i, 2, damped, moves=stiff <= 0.0),
+                gain_knob(i, 2, damped, moves=stiff <= 0.0),
             )
         most = float(np.abs(model.actuator_forcerange[i]).max())
         if model.actuator_forcelimited[i] and most > 0.0:
@@ -220,7 +215,7 @@ def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[st
                 most / HEAVIEST,
                 HEAVIEST * most,
                 f"the most that {action} gives, in force or torque",
-                _scaled(("actuator_forcerange",), (i,), most),
+                scale_knob(("actuator_forcerange",), (i,), most),
             )
     return found, knobs
 
@@ -242,34 +237,3 @@ def _carries(model: Any, ancestor: int, body: int) -> bool:
             return True
         body = int(model.body_parentid[body])
     return False
-
-
-def _set(name: str, *at: int) -> Knob:
-    where: tuple[slice | int, ...] = (slice(None), *at)
-
-    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
-        fields[name][where] = value
-
-    return Knob((name,), write)
-
-
-def _scaled(names: tuple[str, ...], at: tuple[int, ...], believed: float) -> Knob:
-    where: tuple[slice | int, ...] = (slice(None), *at)
-
-    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
-        for name in names:
-            part = np.asarray(fields[name][where])
-            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
-
-    return Knob(names, write)
-
-
-def _gain(actuator: int, column: int, believed: float, *, moves: bool) -> Knob:
-    """A servo's gain; where it multiplies the command, too, both go together."""
-
-    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
-        fields["actuator_biasprm"][:, actuator, column] *= value / believed
-        if moves:
-            fields["actuator_gainprm"][:, actuator, 0] *= value / believed
-
-    return Knob(("actuator_biasprm", "actuator_gainprm") if moves else ("actuator_biasprm",), write)

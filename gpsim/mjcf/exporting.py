@@ -19,6 +19,7 @@ from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.patching import Correction, Patch, patch_of
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.specs import asset_places, spec_of
+from gpsim.mjcf.surfaces import surface_names
 
 SCHEMA = "gpsim.patch/1"
 PATCH_FILE = "patch.json"
@@ -28,7 +29,7 @@ FIELDS = (
     "qpos0", "qpos_spring", "body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_axis", "jnt_pos",
     "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly", "dof_frictionloss",
     "actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange", "actuator_forcerange", "geom_size",
-    "geom_pos",
+    "geom_pos", "geom_friction", "geom_solref",
 )  # fmt: skip
 Said = Mapping[tuple[str, str], str]
 """Of an effect, by family and place, its sentence with its intervals."""
@@ -57,7 +58,7 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     patch, body = patch_of(correction), correction.simulator.body
     spec = spec_of(name)
     assets = asset_places(spec, out.resolve().parent)
-    named(spec)
+    named(spec, surface_names(body.surfaces))
     before = written(spec.to_xml(), spec, (), assets)
     changes = changes_of(body, patch.fields, patch.motors, correction.step)
     effects = _account(patch, changes, said, correction)
@@ -152,7 +153,10 @@ def _called(simulator: MjcfSimulator, change: Change) -> str:
     """An element by its name in what is written."""
     if change.kind == "option":
         return "option"
-    name = getattr(simulator.body.base, change.kind)(change.index).name
+    body = simulator.body
+    name = getattr(body.base, change.kind)(change.index).name
+    if change.kind == "geom":
+        name = surface_names(body.surfaces).get(change.index, name)
     return f"{change.kind} {name or f'{change.kind}{change.index}'}"
 
 

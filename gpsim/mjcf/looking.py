@@ -41,6 +41,18 @@ def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArr
 
 
 @quiet()
+def meetings(body: Body, layout: Layout, state: FloatArray) -> frozenset[frozenset[int]]:
+    """Pairs of geoms that touch in any of these states (B, S)."""
+    mj, model, found = mujoco(), body.base, set()
+    data = mj.MjData(model)
+    for q in layout.full(state)[0]:
+        data.qpos[:] = q
+        mj.mj_fwdPosition(model, data)
+        found |= {frozenset(pair) for pair in data.contact.geom[: data.ncon].tolist()}
+    return frozenset(found)
+
+
+@quiet()
 def comes_near(body: Body, layout: Layout, state: FloatArray, margin: float) -> bool:
     """Whether in any of these states (B, S) two bodies that may touch are nearer to each other than margin [m]."""
     mj, model = mujoco(), copy.copy(body.base)

@@ -170,7 +170,10 @@ def _elements(body: Body, changes: list[dict[str, Any]]) -> tuple[tuple[str, int
             found.append(("joint", place if kind == "jnt" else of_position[place]))
         else:
             found.append(
-                (kind if kind in ("body", "actuator") else "option", 0 if kind == "opt.gravity" else place)
+                (
+                    kind if kind in ("body", "geom", "actuator") else "option",
+                    0 if kind == "opt.gravity" else place,
+                )
             )
     return tuple(dict.fromkeys(found))
 

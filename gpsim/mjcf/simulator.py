@@ -15,11 +15,12 @@ from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import Loaded, load
-from gpsim.mjcf.looking import comes_near, dense, minus, penetration, plus
+from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.places import places_of
 from gpsim.mjcf.rolling import Rolling
 from gpsim.mjcf.stepping import Plan
+from gpsim.mjcf.surfaces import touched
 from gpsim.recordings import evenly
 from gpsim.simulators import Integrator, Parameters, Simulator
 
@@ -215,6 +216,15 @@ class MjcfSimulator(Simulator):
             touched = [pool.simulations.bind(name)[: len(acc)].reshape(-1) for name in ("ncon", "nl")]
             found.append(np.add(*touched) > 0)
         return np.concatenate(found) if found else np.empty(0, dtype=np.bool_)
+
+    def untouched(self, state: FloatArray) -> frozenset[str]:
+        """Friction and stiffness of what nothing stands on in any of these states (B, S)."""
+        of_contacts = frozenset(s.parameter for s in self._body.surfaces)
+        if not of_contacts:
+            return of_contacts
+        meet = state[self.touching(state)]
+        some = meet[evenly(len(meet), LOOKED_AT)]
+        return of_contacts - touched(self._body.surfaces, meetings(self._body, self._layout, some))
 
     @property
     def tolerated_penetration(self) -> float:

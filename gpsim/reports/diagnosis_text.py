@@ -150,6 +150,7 @@ def _not_asked(entry: NotAsked) -> str:
         "known": f"{name} is known ({value})",
         "asked": "left out as you said",
         "does nothing": f"{name} is required and does nothing here: it is left out",
+        "nothing touches": f"nothing touches {name}: its friction and stiffness are not asked",
     }[entry.because]
 
 

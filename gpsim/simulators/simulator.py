@@ -165,6 +165,10 @@ class Simulator(ABC):
         """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
         return None
 
+    def untouched(self, state: FloatArray) -> frozenset[str]:
+        """Parameters of contacts that none of these states (B, S) makes; none of a simulator that knows none."""
+        return frozenset()
+
     def normal_force(
         self,
         state: FloatArray,

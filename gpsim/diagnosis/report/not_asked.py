@@ -15,6 +15,7 @@ Because = Literal[
     "known",
     "asked",
     "does nothing",
+    "nothing touches",
 ]
 
 
@@ -24,9 +25,9 @@ class NotAsked:
 
     because: a command that was not recorded and is taken as 0, or that never changes; a state that never changes, is
     held still, was not measured and is not needed, or was not measured and is estimated; a parameter that the user
-    knows; or a family that the user did not ask for, or an
-    effect that is required and does nothing. channel: of which; value: where it stands, None where nothing
-    does; families: those that are left out, empty where none are.
+    knows; a family that the user did not ask for; an effect that is required and does nothing; or a geom that nothing
+    touches. channel: of which; value: where it stands, None where nothing does; families: those that are left out,
+    empty where none are.
     """
 
     because: Because

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.known import allowed, check_bounds
@@ -21,11 +23,17 @@ def candidates(
     parameters: Mapping[str, float],
     settings: CandidateSettings | None = None,
 ) -> list[Candidate]:
-    """All terms that may be missing, in the catalogue's order; by the default settings where none are given."""
+    """All terms that may be missing, in the catalogue's order; by the default settings where none are given.
+
+    Of the ground only what something touches in the recording is asked.
+    """
+    untouched = simulator.untouched(np.concatenate([e.states for e in recording.episodes]))
     sizes = Sizes(recording, simulator, parameters, settings or CandidateSettings())
     out = []
     for effect in FAMILIES.values():
         for on in effect.places(simulator):
+            if on in untouched:
+                continue
             place = sizes.place(effect, on)
             out += [
                 Candidate(effect.family, place, variant, declared(effect, place, variant))

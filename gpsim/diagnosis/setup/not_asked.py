@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.report import NotAsked
 from gpsim.diagnosis.setup.prepare import Question
@@ -22,7 +24,18 @@ def shows(question: Question, candidate: Candidate) -> bool:
 
 def not_asked(question: Question) -> tuple[NotAsked, ...]:
     """What the recording does not show or the user has settled, and the families that are left out for it."""
-    return (*_not_shown(question), *_settled(question))
+    return (*_not_shown(question), *_untouched(question), *_settled(question))
+
+
+def _untouched(question: Question) -> list[NotAsked]:
+    """Geoms that nothing touches: neither their friction nor their stiffness shows."""
+    states = np.concatenate([e.states for e in question.recording.episodes])
+    found = question.everything.simulator.untouched(states)
+    declared = [n for n in question.everything.simulator.parameters if n in found]
+    return [
+        _entry("nothing touches", geom, None, "", ())
+        for geom in dict.fromkeys(n.rpartition(".")[0] for n in declared)
+    ]
 
 
 def _settled(question: Question) -> list[NotAsked]:
