@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.effects.effect import Values
 from gpsim.effects.term import Term
 from gpsim.simulators import Simulator
@@ -48,6 +48,10 @@ class ClosedStep(Protocol):
         terms: Sequence[Term] = (),
     ) -> FloatArray:
         """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C), with these terms."""
+        ...
+
+    def hindered(self, states: FloatArray) -> BoolArray:
+        """(N, C): which coordinates something else pushes: a limit of theirs, or what touches."""
         ...
 
     def rolled(

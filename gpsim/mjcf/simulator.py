@@ -226,6 +226,19 @@ class MjcfSimulator(Simulator):
         some = meet[evenly(len(meet), LOOKED_AT)]
         return of_contacts - touched(self._body.surfaces, meetings(self._body, self._layout, some))
 
+    def hindered(self, state: FloatArray) -> BoolArray:
+        """(B, C): which coordinates a limit of theirs pushes; all of them where bodies touch."""
+        model, zeros = self._body.model, np.zeros((len(state), len(self.action)))
+        touched = [pool.simulations.bind("ncon")[: len(acc)] for acc, pool in self._looked(state, zeros, {})]
+        out = np.repeat(np.concatenate(touched).reshape(-1, 1) > 0, len(self.coordinates), axis=1)
+        joints = model.dof_jntid[self._dofs]
+        for column, joint, coordinate in zip(out.T, joints, self.coordinates, strict=True):
+            if model.jnt_limited[joint]:
+                q, (low, high) = state[:, self.state.index(coordinate.name)], model.jnt_range[joint]
+                margin = float(model.jnt_margin[joint])
+                column |= (q < low + margin) | (q > high - margin)
+        return out
+
     @property
     def tolerated_penetration(self) -> float:
         """How deep [m] bodies may touch in a first state: soft contacts do, and joints are read inexactly."""

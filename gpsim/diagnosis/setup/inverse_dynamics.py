@@ -311,8 +311,12 @@ def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = No
     """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there."""
     columns = np.concatenate([part.columns for part in parts])
     low, high, usual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("low", "high", "usual"))
-    least = NARROW * np.mean(lacks**2, axis=0) + np.finfo(float).tiny
-    left = np.var(lacks, axis=0) + least if left is None else left
+    count = np.maximum(
+        (lacks != 0.0).sum(axis=0), 1
+    )  # of a coordinate that something else pushed, nothing is told
+    whole = (lacks**2).sum(axis=0) / count
+    least = NARROW * whole + np.finfo(float).tiny
+    left = whole + least if left is None else left
     scaled = columns * usual[:, None, None]
     grams, ways = np.einsum("pkc,qkc->cpq", scaled, scaled), np.einsum("pkc,kc->cp", scaled, lacks)
     sizes, precision = np.zeros(len(usual)), np.eye(len(usual))
@@ -323,10 +327,11 @@ def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = No
         sizes = np.linalg.solve(root.T, said)
         if (sizes * usual < low).any() or (sizes * usual > high).any():
             sizes = lsq_linear(root.T, said, (low / usual, high / usual)).x
-        left = np.mean((lacks - np.tensordot(sizes, scaled, 1)) ** 2, axis=0) + least
+        left = ((lacks - np.tensordot(sizes, scaled, 1)) ** 2).sum(axis=0) / count + least
     gains = np.concatenate([np.full(len(p.usual), p.gain) for p in parts])
-    noise = np.log(left).sum() - 2.0 * np.log1p((sizes * usual)[gains]).sum()  # of what was measured
-    evidence = -0.5 * (len(lacks) * noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
+    scale = 2.0 * len(lacks) * np.log1p((sizes * usual)[gains]).sum()  # noise is of what was measured
+    noise = count @ np.log(left) - scale
+    evidence = -0.5 * (noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
     return _Sized(sizes * usual, left, float(evidence))
 
 

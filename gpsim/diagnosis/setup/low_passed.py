@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from gpsim.channels import BoolArray, FloatArray
-from gpsim.diagnosis.setup.contacts import apart
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.effects import closed
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator
 
@@ -28,8 +28,8 @@ SHORTEST, FEWEST = 60, 20  # samples and rows of a stretch, so that what the fil
 class LowPassed:
     """What moved below a share of the Nyquist frequency, as densely as that needs, stretch after stretch.
 
-    states (N, S); acceleration (N, C); ends: rows at which stretches end; free (N,): where nothing touches; every:
-    samples from a row to the next.
+    states (N, S); acceleration (N, C); ends: rows at which stretches end; free (N, C): coordinates that neither a limit
+    nor a contact pushes; every: samples from a row to the next.
     """
 
     simulator: Simulator
@@ -48,17 +48,25 @@ class LowPassed:
         return np.concatenate([part[:: self.every] for part in parts])
 
     def heard(self, force: FloatArray, narrow: float) -> FloatArray:
-        """(K, ...): forces (N, ...) below a share of the Nyquist frequency, at rows that say something of their own.
+        """(K, C, ...): forces (N, C, ...) below a share of the Nyquist frequency, at rows that tell something new.
 
-        Without rows where something touches, or the filter has not settled.
+        Nothing of a coordinate that something else pushes meanwhile, or where the filter has not settled.
         """
-        sos, rows = butter(ORDER, narrow * self.every, output="sos"), np.zeros(len(force), dtype=np.bool_)
-        spacing, first = max(round(1.0 / narrow / self.every), 1), 0
-        for last in self.ends:
-            rows[first + spacing : last - spacing : spacing] = True
-            first = last
+        sos = butter(ORDER, narrow * self.every, output="sos")
         parts = np.split(force, self.ends[:-1])
-        return np.concatenate([sosfiltfilt(sos, part, axis=0) for part in parts])[rows & self.free]
+        every = np.concatenate([sosfiltfilt(sos, part, axis=0) for part in parts])
+        rows, told = self.told(narrow)
+        return np.asarray(every[rows] * told.reshape(told.shape + (1,) * (force.ndim - 2)))
+
+    def told(self, narrow: float) -> tuple[IntArray, BoolArray]:
+        """(K,) those rows, and (K, C) whether they tell of a coordinate."""
+        spacing = max(round(1.0 / narrow / self.every), 1)
+        firsts = (0, *self.ends[:-1])
+        rows = np.concatenate(
+            [np.arange(a + spacing, b - spacing, spacing) for a, b in zip(firsts, self.ends, strict=True)]
+        )
+        reach = np.arange(-spacing, spacing + 1)
+        return rows, np.asarray(self.free[rows[:, None] + reach].all(axis=1))
 
 
 def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPassed | None:
@@ -79,8 +87,18 @@ def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPa
         return None
     ends = tuple(int(n) for n in np.cumsum([len(part) for part in states]))
     moved = np.concatenate(states)
-    free = apart(simulator, len(moved) // 2, moved)
-    return LowPassed(simulator, moved, np.concatenate(acceleration), ends, free, every, wide, tuple(came))
+    system = closed(simulator)
+    assert system is not None
+    return LowPassed(
+        simulator,
+        moved,
+        np.concatenate(acceleration),
+        ends,
+        ~system.hindered(moved),
+        every,
+        wide,
+        tuple(came),
+    )
 
 
 def _stretches(episode: Episode, dt: float) -> list[tuple[float, float]]:
