@@ -15,6 +15,7 @@ from typing import Any
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 RUNS = CHECKOUT / "runs"
+KEPT = CHECKOUT / ".pytest_cache"  # what is slow to make, kept from one session of tests to the next
 RECORDINGS = "GPSIM_RECORDINGS"  # the one setting that tests take from outside
 
 CLEARED = (  # what gpsim and the libraries below it read, and would act on
@@ -30,6 +31,7 @@ def clean_environment() -> Path:
     Before gpsim, NumPy or matplotlib is imported: they read the environment then.
     """
     home = Path(tempfile.mkdtemp(prefix="gpsim-tests-home-"))
+    keep_bytecode()
     recordings = os.environ.get(RECORDINGS)
     for name in list(os.environ):
         if name.startswith(CLEARED):
@@ -40,8 +42,8 @@ def clean_environment() -> Path:
         "HOME": str(home),
         "OMP_NUM_THREADS": "1",  # one thread a process, as the command line has it
         "OPENBLAS_NUM_THREADS": "1",
-        # The list of the machine's fonts takes seconds to make: kept from one session of tests to the next.
-        "MPLCONFIGDIR": str(CHECKOUT / ".pytest_cache" / "matplotlib"),
+        # The list of the machine's fonts takes seconds to make.
+        "MPLCONFIGDIR": str(KEPT / "matplotlib"),
         # Without the user's own settings git would not look into a checkout of somebody else, as a container's is.
         "GIT_CONFIG_GLOBAL": os.devnull,
         "GIT_CONFIG_COUNT": "1",
@@ -49,6 +51,18 @@ def clean_environment() -> Path:
         "GIT_CONFIG_VALUE_0": "*",
     }
     return home
+
+
+def keep_bytecode() -> None:
+    """Where Python was told to keep no compiled modules, as in many containers, those of the tests have their own place.
+
+    Else each of the many processes that tests start would compile torch, SciPy and pandas anew: ten seconds each.
+    """
+    if not sys.dont_write_bytecode:
+        return
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = str(KEPT / "bytecode")
+    sys.dont_write_bytecode = False
 
 
 def remove(home: Path) -> None:
