@@ -16,6 +16,7 @@ from typing import Any
 CHECKOUT = Path(__file__).resolve().parent.parent
 RUNS = CHECKOUT / "runs"
 KEPT = CHECKOUT / ".pytest_cache"  # what is slow to make, kept from one session of tests to the next
+BYTECODE = KEPT / "bytecode"
 RECORDINGS = "GPSIM_RECORDINGS"  # the one setting that tests take from outside
 
 CLEARED = (  # what gpsim and the libraries below it read, and would act on
@@ -61,13 +62,14 @@ def keep_bytecode() -> None:
     if not sys.dont_write_bytecode:
         return
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = str(KEPT / "bytecode")
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = str(BYTECODE)
     sys.dont_write_bytecode = False
 
 
 def remove(home: Path) -> None:
-    """The home is no longer needed."""
+    """The home is no longer needed, nor is what was compiled of temporary files."""
     shutil.rmtree(home, ignore_errors=True)
+    shutil.rmtree(BYTECODE / Path(tempfile.gettempdir()).resolve().relative_to("/"), ignore_errors=True)
 
 
 class TrespassError(AssertionError):
