@@ -109,8 +109,8 @@ def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
     from gpsim.stages import report
     from gpsim.stages.figures import evaluation_figures, paths_of
 
-    folder = report.stage_for(seeds).make(request)[0].path
-    gathered = report.gather(request, seeds)
+    artifact, gathered = report.made(request, seeds)
+    folder = artifact.path
     tables, notes = terminal_tables(gathered), terminal_notes(gathered)
 
     def show() -> None:

@@ -7,4 +7,6 @@ TINY = (
     "evaluate.episodes=12",
     "evaluate.rollouts=6",
     "certify.width=4",
+    "diagnose.families.only=[coulomb_friction,actuator_delay]",
+    "diagnose.form.rounds=1",
 )

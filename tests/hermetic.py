@@ -15,6 +15,8 @@ from typing import Any
 
 CHECKOUT = Path(__file__).resolve().parent.parent
 RUNS = CHECKOUT / "runs"
+KEPT = CHECKOUT / ".pytest_cache"  # what is slow to make, kept from one session of tests to the next
+BYTECODE = KEPT / "bytecode"
 RECORDINGS = "GPSIM_RECORDINGS"  # the one setting that tests take from outside
 
 CLEARED = (  # what gpsim and the libraries below it read, and would act on
@@ -30,6 +32,7 @@ def clean_environment() -> Path:
     Before gpsim, NumPy or matplotlib is imported: they read the environment then.
     """
     home = Path(tempfile.mkdtemp(prefix="gpsim-tests-home-"))
+    keep_bytecode()
     recordings = os.environ.get(RECORDINGS)
     for name in list(os.environ):
         if name.startswith(CLEARED):
@@ -40,8 +43,8 @@ def clean_environment() -> Path:
         "HOME": str(home),
         "OMP_NUM_THREADS": "1",  # one thread a process, as the command line has it
         "OPENBLAS_NUM_THREADS": "1",
-        # The list of the machine's fonts takes seconds to make: kept from one session of tests to the next.
-        "MPLCONFIGDIR": str(CHECKOUT / ".pytest_cache" / "matplotlib"),
+        # The list of the machine's fonts takes seconds to make.
+        "MPLCONFIGDIR": str(KEPT / "matplotlib"),
         # Without the user's own settings git would not look into a checkout of somebody else, as a container's is.
         "GIT_CONFIG_GLOBAL": os.devnull,
         "GIT_CONFIG_COUNT": "1",
@@ -51,9 +54,22 @@ def clean_environment() -> Path:
     return home
 
 
+def keep_bytecode() -> None:
+    """Where Python was told to keep no compiled modules, as in many containers, those of the tests have their own place.
+
+    Else each of the many processes that tests start would compile torch, SciPy and pandas anew: ten seconds each.
+    """
+    if not sys.dont_write_bytecode:
+        return
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix = str(BYTECODE)
+    sys.dont_write_bytecode = False
+
+
 def remove(home: Path) -> None:
-    """The home is no longer needed."""
+    """The home is no longer needed, nor is what was compiled of temporary files."""
     shutil.rmtree(home, ignore_errors=True)
+    shutil.rmtree(BYTECODE / Path(tempfile.gettempdir()).resolve().relative_to("/"), ignore_errors=True)
 
 
 class TrespassError(AssertionError):

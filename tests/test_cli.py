@@ -1,13 +1,12 @@
 """The command line as a person meets it."""
 
-import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from gpsim.cli.main import main
+from cli_calls import called
 
 GPSIM = [sys.executable, "-m", "gpsim.cli.main"]
 LONG = 300 * "a"
@@ -24,19 +23,15 @@ ORDER = [
 ]
 
 
-def gpsim(*words, cwd, **env):
-    return subprocess.run(
-        [*GPSIM, *words],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        env={**os.environ, "COLUMNS": "100", **env},
-        check=False,
-    )
+@pytest.fixture
+def gpsim(monkeypatch, capfd):
+    monkeypatch.setenv("COLUMNS", "100")
+    return lambda *words: called(monkeypatch, capfd, *words)
 
 
-def test_help_is_one_line_a_command_at_80_columns(tmp_path):
-    shown = gpsim("--help", cwd=tmp_path, COLUMNS="80").stdout
+def test_help_is_one_line_a_command_at_80_columns(gpsim, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, shown, _ = gpsim("--help")
     panels = shown[shown.index("Stages, in order") :].splitlines()
     lines = [line for line in panels if line.startswith("│")]
     assert len(lines) == 21
@@ -44,30 +39,25 @@ def test_help_is_one_line_a_command_at_80_columns(tmp_path):
         assert re.match(r"│ [a-z-]+ +[A-Z].*\. +│$", line), line
 
 
-def test_the_config_folder_is_kept_in_commands(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cfg" / "gp").mkdir(parents=True)
-    (tmp_path / "cfg" / "gp" / "mine.yaml").write_text("n_train: 12\ninputs: [x]\n")
+def test_the_config_folder_is_kept_in_commands(gpsim):
+    Path("cfg/gp").mkdir(parents=True)
+    Path("cfg/gp/mine.yaml").write_text("n_train: 12\ninputs: [x]\n")
     for command in ("diagnose", "report", "fit-gp"):
-        monkeypatch.setattr(sys, "argv", ["gpsim", command, "gp=mine", "--config-dir", "cfg"])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        assert ended.value.code == 2
-        assert re.search(r"make it with: gpsim [\w-]+ gp=mine --config-dir=cfg ", capsys.readouterr().err)
-    monkeypatch.setattr(sys, "argv", ["gpsim", "diagnose", "gp=mine", "--config-dir", "cfg", "--show-config"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-    assert "n_train: 12" in capsys.readouterr().out
+        code, _, err = gpsim(command, "gp=mine", "--config-dir", "cfg")
+        assert code == 2
+        assert re.search(r"make it with: gpsim [\w-]+ gp=mine --config-dir=cfg ", err)
+    code, out, _ = gpsim("diagnose", "gp=mine", "--config-dir", "cfg", "--show-config")
+    assert code == 0
+    assert "n_train: 12" in out
 
 
-def test_help_lists_the_stages_in_order(tmp_path):
-    shown = gpsim("--help", cwd=tmp_path)
-    assert shown.returncode == 0
-    places = [shown.stdout.index(f"│ {name} ") for name in ORDER]
+def test_help_lists_the_stages_in_order(gpsim):
+    code, shown, _ = gpsim("--help")
+    assert code == 0
+    places = [shown.index(f"│ {name} ") for name in ORDER]
     assert places == sorted(places)
-    assert gpsim("run", "--help", cwd=tmp_path).stdout.count("full-loop") == 1
-    assert gpsim("--version", cwd=tmp_path).stdout.startswith("gpsim ")
+    assert gpsim("run", "--help")[1].count("full-loop") == 1
+    assert gpsim("--version")[1].startswith("gpsim ")
 
 
 @pytest.mark.parametrize(
@@ -224,21 +214,17 @@ def test_help_lists_the_stages_in_order(tmp_path):
         (["collect", "collect.policy=random", "runs_dir=/proc/nothing"], "cannot be made"),
     ],
 )
-def test_mistakes_end_in_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, words, message):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["gpsim", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    shown = capsys.readouterr()
-    assert message in shown.err
-    assert shown.err.count("\n") == 1
-    assert shown.out == ""
-    assert list(tmp_path.iterdir()) == []
+def test_mistakes_end_in_one_line_and_exit_code_2(gpsim, words, message):
+    code, out, err = gpsim(*words)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert err.count("\n") == 1
+    assert list(Path().iterdir()) == []
 
 
 def test_no_traceback_from_the_installed_program(tmp_path):
-    ended = gpsim("fit-gp", cwd=tmp_path)
+    words = [*GPSIM, "fit-gp"]
+    ended = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert ended.returncode == 2
     assert ended.stderr.startswith("error: ")
     assert ended.stderr.count("\n") == 1
@@ -258,38 +244,36 @@ def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
     assert (ended.returncode, ended.stderr) == (2, "error: output: No space left on device\n")
 
 
-def test_show_config_prints_and_stops(tmp_path):
-    shown = gpsim("fit-gp", "gp.n_train=500", "seed=3", "--show-config", cwd=tmp_path)
-    assert shown.returncode == 0
-    assert "n_train: 500" in shown.stdout
-    assert "seed: 3" in shown.stdout
-    assert list(tmp_path.iterdir()) == []
+def test_show_config_prints_and_stops(gpsim):
+    code, out, _ = gpsim("fit-gp", "gp.n_train=500", "seed=3", "--show-config")
+    assert code == 0
+    assert "n_train: 500" in out
+    assert "seed: 3" in out
+    assert list(Path().iterdir()) == []
 
 
-def test_stages_one_by_one_reuse_refuse_and_name_faults(tmp_path):
+def test_stages_one_by_one_reuse_refuse_and_name_faults(gpsim):
     tiny = ["budget=smoke", "policy.total_steps=640"]
-    made = gpsim("train-source", *tiny, cwd=tmp_path)
-    assert made.stdout == "train-source: runs/cartpole/train-source/v0001\n"
-    assert "already there" in gpsim("train-source", *tiny, cwd=tmp_path).stdout
-    assert gpsim("collect", *tiny, cwd=tmp_path).returncode == 0
-    assert gpsim("build-residuals", *tiny, cwd=tmp_path).returncode == 0
-    out = gpsim("fit-gp", *tiny, "--out", "mine", cwd=tmp_path)
-    assert out.stdout.startswith("fit-gp: mine")
-    assert (tmp_path / "mine" / "manifest.json").is_file()
-    assert "exists already" in gpsim("fit-gp", *tiny, "--out", "mine", cwd=tmp_path).stderr
+    assert gpsim("train-source", *tiny)[1] == "train-source: runs/cartpole/train-source/v0001\n"
+    assert "already there" in gpsim("train-source", *tiny)[1]
+    assert gpsim("collect", *tiny)[0] == 0
+    assert gpsim("build-residuals", *tiny)[0] == 0
+    assert gpsim("fit-gp", *tiny, "--out", "mine")[1].startswith("fit-gp: mine")
+    assert Path("mine/manifest.json").is_file()
+    assert "exists already" in gpsim("fit-gp", *tiny, "--out", "mine")[2]
 
-    recording = tmp_path / "runs/cartpole/collect/v0001/recording.parquet"
+    recording = Path("runs/cartpole/collect/v0001/recording.parquet")
     content = bytearray(recording.read_bytes())
     content[len(content) // 2] ^= 1
     recording.write_bytes(bytes(content))
-    refused = gpsim("build-residuals", *tiny, "seed=0", cwd=tmp_path)
-    assert refused.returncode == 2
-    assert "recording.parquet: changed after it was written" in refused.stderr
+    code, _, err = gpsim("build-residuals", *tiny, "seed=0")
+    assert code == 2
+    assert "recording.parquet: changed after it was written" in err
 
 
-def test_a_recording_of_ones_own(tmp_path):
+def test_a_recording_of_ones_own(gpsim):
     """A folder with CSV and YAML that gpsim did not make is enough to build residuals from; faults are located."""
-    folder = tmp_path / "mine"
+    folder = Path("mine")
     folder.mkdir()
     (folder / "recording.yaml").write_text(
         "system: cartpole\ndt: 0.02\nstate: {x: m, x_dot: m/s, theta: rad, theta_dot: rad/s}\naction: {force: N}\n"
@@ -302,9 +286,8 @@ def test_a_recording_of_ones_own(tmp_path):
     table = folder / "recording.csv"
     table.write_text("episode,t,x,x_dot,theta,theta_dot,force\n" + "\n".join(rows) + "\n")
     words = ["build-residuals", "recording=mine"]
-    assert gpsim(*words, cwd=tmp_path).returncode == 0
+    assert gpsim(*words)[0] == 0
     table.write_text(table.read_text().replace("1,0.06,0.03", "1,0.06,nan"))
-    ended = gpsim(*words, cwd=tmp_path)
-    assert ended.returncode == 2
-    assert "episode 1, row 12, channel x: nan is not finite" in ended.stderr
-    assert Path("runs") not in list(tmp_path.iterdir())
+    code, _, err = gpsim(*words)
+    assert code == 2
+    assert "episode 1, row 12, channel x: nan is not finite" in err

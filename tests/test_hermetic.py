@@ -24,9 +24,10 @@ def test_a_stranger_here():
     assert not Path("~/sentinel").expanduser().exists()
     assert not [n for n in os.environ if n in ("COLUMNS", "MPLBACKEND", "GPSIM_OTHER", "HYDRA_FULL_ERROR")]
     assert os.environ["GPSIM_RECORDINGS"] == WHERE
-    said = "import os, pathlib; print(os.listdir(), pathlib.Path.home())"
+    said = "import os, pathlib, sys; print(os.listdir(), pathlib.Path.home(), sys.pycache_prefix)"
     child = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
-    assert child.stdout == f"[] {Path.home()}\\n"
+    assert child.stdout == f"[] {Path.home()} {ROOT / '.pytest_cache' / 'bytecode'}\\n"
+    assert os.listdir(ROOT / ".pytest_cache" / "bytecode")  # this very file
     Path("runs").mkdir()
     Path("runs/mine").touch()
     (Path.home() / "mine").touch()
@@ -53,6 +54,7 @@ def test_a_users_runs_home_and_environment_are_out_of_sight(tmp_path):
         "MPLBACKEND": "nonsense",
         "GPSIM_OTHER": "1",
         "HYDRA_FULL_ERROR": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
     }
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
     ended = subprocess.run(

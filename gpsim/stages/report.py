@@ -46,6 +46,18 @@ def stage_for(seeds: tuple[int, ...]) -> Stage:
     return stage_about("report", _recipe, _write, seeds, format=1)
 
 
+def made(request: Request, seeds: tuple[int, ...]) -> tuple[Artifact, LoopReport]:
+    """The report over these seeds, made or found, and what it shows, which is gathered once."""
+    shown: list[LoopReport] = []
+
+    def write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
+        shown.append(gather(request, seeds))
+        return _written(shown[0], folder)
+
+    artifact, _ = stage_about("report", _recipe, write, seeds, format=1).make(request)
+    return artifact, shown[0] if shown else gather(request, seeds)
+
+
 def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
     parents = {
         f"{role}/{seed}" if seed is not None else role: artifact
@@ -57,7 +69,10 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
 
 
 def _write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
-    report = gather(request, seeds)
+    return _written(gather(request, seeds), folder)
+
+
+def _written(report: LoopReport, folder: Path) -> Json:
     write_json(folder / "summary.json", plain(report.summary))
     (folder / "report.html").write_text(render(report), encoding="utf-8")
     return {}

@@ -1,13 +1,10 @@
-"""One finished loop on the smallest budget, made once, and `gpsim` called in this process."""
-
-import subprocess
-import sys
+"""A finished loop on the smallest budget, and `gpsim` called in this process."""
 
 import numpy as np
 import pandas as pd
 import pytest
-from budgets import TINY
 from cli_calls import called
+from shared_loop import finished_loop
 
 
 @pytest.fixture
@@ -17,12 +14,8 @@ def gpsim(monkeypatch, capfd):
 
 @pytest.fixture(scope="session")
 def loop(tmp_path_factory):
-    """(folder with runs/, what `run full-loop --json` wrote to stdout and to stderr)."""
-    folder = tmp_path_factory.mktemp("smoke")
-    words = [sys.executable, "-m", "gpsim", "run", "full-loop", "--json", *TINY]
-    ended = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
-    return folder, ended.stdout, ended.stderr
+    """(folder with runs/, what `run full-loop --seeds 2 --json` wrote to stdout and to stderr)."""
+    return finished_loop(tmp_path_factory)
 
 
 @pytest.fixture

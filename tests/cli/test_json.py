@@ -115,7 +115,7 @@ def test_every_stage_of_the_loop(loop, stage, gpsim, monkeypatch):
 
 def test_a_diagnosis_is_judged_on_another_recording(loop, gpsim, monkeypatch, tmp_path):
     monkeypatch.chdir(loop[0])
-    [diagnosis] = Path("runs/cartpole/diagnose").glob("v*")
+    diagnosis = Path("runs/cartpole/diagnose/v0001")
     words = [
         "diagnose",
         "runs/cartpole/collect/v0001",
@@ -321,8 +321,8 @@ def test_a_site_and_a_diagnosis_go_out(loop, gpsim, monkeypatch, tmp_path):
     code, out, err = gpsim("report", "--site", "--out", tmp_path / "site", "--json")
     assert code == 0, err
     assert Path(read(out)["paths"]["site"]).is_file()
-    [diagnosis] = Path("runs/cartpole/diagnose").glob("v*")
-    recording = next(Path("runs/cartpole/collect").glob("v*"))
+    diagnosis = Path("runs/cartpole/diagnose/v0001")
+    recording = Path("runs/cartpole/collect/v0001")
     words = ("--mcap", "--out", tmp_path / "d.mcap", "--recording", recording)
     code, out, err = gpsim("export", "diagnosis", diagnosis, *words, "--json")
     assert code == 0, err

@@ -6,7 +6,6 @@ import random
 import resource
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from budgets import TINY
+from cli_calls import called
+from shared_loop import LOOP, finished_loop
 
 from gpsim.artifacts.artifact import MANIFEST, folder_digests, read_artifact
-
-LOOP = [sys.executable, "-m", "gpsim.cli.main", "run", "full-loop", *TINY]
 
 
 def run_loop(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
@@ -30,10 +29,14 @@ def versions(folder: Path) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("loop")
-    ended = run_loop(folder, "--seeds", "2")
-    assert ended.returncode == 0, ended.stderr
-    return folder, ended
+    """The folder, and what was said on stderr."""
+    folder, _, said = finished_loop(tmp_path_factory)
+    return folder, said
+
+
+@pytest.fixture
+def gpsim(monkeypatch, capfd):
+    return lambda *words: called(monkeypatch, capfd, *words)
 
 
 @pytest.mark.slow
@@ -48,7 +51,7 @@ def test_every_policy_of_the_loop_can_learn_from_an_expert(tmp_path):
 
 
 def test_the_loop_leaves_every_artifact_and_a_report(finished):
-    folder, ended = finished
+    folder, said = finished
     count = {
         name: len(list(folder.glob(f"runs/cartpole/{name}/v*")))
         for name in ("train-source", "train-gp-policy")
@@ -56,7 +59,7 @@ def test_the_loop_leaves_every_artifact_and_a_report(finished):
     assert count == {"train-source": 6, "train-gp-policy": 6}
     for path in versions(folder):
         read_artifact(path)
-    summary = json.loads((folder / ended.stdout.splitlines()[-1]).read_text())
+    summary = json.loads((folder / "runs/cartpole/report/v0001/summary.json").read_text())
     assert summary["experiment"] == "cartpole"
     assert summary["seeds"] == [0, 1]
     for key in ("returns", "returns_all", "returns_certified"):
@@ -77,15 +80,16 @@ def test_the_loop_leaves_every_artifact_and_a_report(finished):
     assert {"nrmse", "r2"} <= set(summary["one_step"]["x_acc"]["mean"])
     page = (folder / "runs/cartpole/report/v0001/report.html").read_text()
     assert "GP-Sample" in page
-    assert "Traceback" not in ended.stderr
+    assert "Traceback" not in said
 
 
-def test_a_second_run_makes_nothing_anew(finished, tree):
+def test_a_second_run_makes_nothing_anew(finished, tree, gpsim, monkeypatch):
     folder, _ = finished
+    monkeypatch.chdir(folder)
     before = tree(folder)
-    again = run_loop(folder, "--seeds", "2")
-    assert again.returncode == 0
-    assert "made" not in again.stderr
+    code, _, said = gpsim("run", "full-loop", *TINY, "--seeds", "2")
+    assert code == 0
+    assert "made" not in said
     assert tree(folder) == before
 
 
@@ -136,21 +140,34 @@ def kill_at_random_moments(folder: Path, kills: int, longest: float, seed: int) 
             read_artifact(path)
 
 
-def test_killed_and_carried_on(finished, tmp_path):
-    kill_at_random_moments(tmp_path, kills=1, longest=14.0, seed=1)
-    ended = run_loop(tmp_path)
-    assert ended.returncode == 0, ended.stderr
-    assert "Traceback" not in ended.stderr
-    summary = json.loads((tmp_path / ended.stdout.splitlines()[-1]).read_text())
+def wait_for_more(folder: Path, known: int = 0) -> None:
+    """Until the loop has made an artifact."""
+    deadline = time.monotonic() + 120
+    while len(versions(folder)) <= known and time.monotonic() < deadline:
+        time.sleep(0.05)
+
+
+def test_killed_and_carried_on(finished, tmp_path_factory, gpsim, monkeypatch):
+    """In the middle of it: the first half has been made before."""
+    folder, _, _ = finished_loop(tmp_path_factory, "train-gp-policy", "certify", "evaluate", "report")
+    with started(folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        wait_for_more(folder, len(versions(folder)))
+        os.killpg(process.pid, signal.SIGKILL)
+    for path in versions(folder):
+        read_artifact(path)
+    monkeypatch.chdir(folder)
+    code, out, said = gpsim("run", "full-loop", *TINY, "--jobs", "1")
+    assert code == 0, said
+    assert "Traceback" not in said
+    summary = json.loads(Path(out.splitlines()[-1]).read_text())
     assert summary["seeds"] == [0]
-    # What survived the kills is what an undisturbed run makes, to the byte.
-    folder, _ = finished
+    # What survived the kill and what was made after it is what an undisturbed run makes, to the byte.
     undisturbed, mine = (
         {digest for name, digest in folder_digests(place / "runs").items() if name.endswith(".safetensors")}
-        for place in (folder, tmp_path)
+        for place in (finished[0], folder)
     )
     assert mine <= undisturbed
-    assert not list(tmp_path.glob("runs/*/*/.tmp-*"))
+    assert not list(folder.glob("runs/*/*/.tmp-*"))
 
 
 @pytest.mark.slow
@@ -166,9 +183,7 @@ def test_killed_many_times(tmp_path):
 )
 def test_ctrl_c_and_a_request_to_end_say_how_to_carry_on(tmp_path, asked, code):
     with started(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        deadline = time.monotonic() + 120
-        while not versions(tmp_path) and time.monotonic() < deadline:
-            time.sleep(0.1)
+        wait_for_more(tmp_path)
         os.killpg(process.pid, asked)
         _, shown = process.communicate(timeout=120)
     assert process.returncode == code
@@ -182,7 +197,7 @@ def test_ctrl_c_and_a_request_to_end_say_how_to_carry_on(tmp_path, asked, code):
 @pytest.mark.slow
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     """A limit on the size of files stands for the disk: the policy's file no longer fits."""
-    command = [sys.executable, "-m", "gpsim.cli.main", "train-source", *TINY]
+    command = [*LOOP[:3], "train-source", *TINY]
     full = subprocess.run(
         command,
         cwd=tmp_path,
@@ -199,7 +214,7 @@ def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     assert subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode == 0
 
 
-def test_the_loop_trains_with_what_its_own_diagnosis_named(finished):
+def test_the_loop_trains_with_what_its_own_diagnosis_named(finished, gpsim, monkeypatch):
     folder, _ = finished
     for seed in (0, 1):
         manifest = json.loads(
@@ -209,5 +224,6 @@ def test_the_loop_trains_with_what_its_own_diagnosis_named(finished):
         assert manifest["seeds"] == {"seed": seed}
         assert manifest["parents"]["diagnosis"]["stage"] == "diagnose"
     words = ["train-gp-policy", *TINY, "correction=effects+gp", "diagnosis=runs/cartpole/diagnose/v0002"]
-    ended = subprocess.run([*LOOP[:3], *words], cwd=folder, capture_output=True, text=True, check=False)
-    assert ended.returncode == 0, ended.stderr
+    monkeypatch.chdir(folder)
+    code, _, said = gpsim(*words)
+    assert code == 0, said

@@ -27,9 +27,16 @@ SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
 
 
 @pytest.fixture(scope="module")
-def concealed(tmp_path_factory):
-    out = tmp_path_factory.mktemp("proof")
-    write_trial(out, SEED, NUMBER)
+def written(tmp_path_factory):
+    """Where the trial lies as it was written, and its digest."""
+    out = tmp_path_factory.mktemp("written")
+    return out, write_trial(out, SEED, NUMBER)
+
+
+@pytest.fixture(scope="module")
+def concealed(written, tmp_path_factory):
+    out = tmp_path_factory.mktemp("short") / "proof"
+    shutil.copytree(written[0], out)
     _shorten(out)
     publish_hashes(out, {NAME: file_digest(out / "private" / NAME / "answer.json")})
     return out
@@ -66,10 +73,10 @@ def diagnosed(concealed, tmp_path_factory):
     return concealed, away
 
 
-def test_the_public_half_is_a_recording_and_nothing_else(tmp_path):
-    write_trial(tmp_path, SEED, NUMBER)
-    answer = json.loads((tmp_path / "private" / NAME / "answer.json").read_text())
-    folder = tmp_path / "public" / NAME
+def test_the_public_half_is_a_recording_and_nothing_else(written):
+    out, _ = written
+    answer = json.loads((out / "private" / NAME / "answer.json").read_text())
+    folder = out / "public" / NAME
     assert sorted(p.name for p in folder.iterdir()) == ["recording.csv", "recording.yaml"]
     text = (folder / "recording.yaml").read_text()
     keys = set(re.findall(r"^(\w+):", text, re.MULTILINE))
@@ -78,12 +85,12 @@ def test_the_public_half_is_a_recording_and_nothing_else(tmp_path):
         assert effect["family"] not in text
 
 
-def test_the_same_trial_gives_the_same_bytes(tmp_path):
-    first, second = (write_trial(tmp_path / side, SEED, NUMBER) for side in "ab")
-    assert first == second
-    for path in (tmp_path / "a").rglob("*.*"):
+def test_the_same_trial_gives_the_same_bytes(written, tmp_path):
+    out, digest = written
+    assert write_trial(tmp_path, SEED, NUMBER) == digest
+    for path in out.rglob("*.*"):
         if path.is_file():
-            assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes()
+            assert path.read_bytes() == (tmp_path / path.relative_to(out)).read_bytes()
 
 
 def test_a_diagnosis_needs_no_answers_and_finds_the_effect(diagnosed):

@@ -18,10 +18,11 @@ from gpsim.trials.blinding import (
     PRIVATE,
     PUBLIC,
     blind_diagnosis,
+    machine_worlds,
     recording_folders,
     write_trial,
 )
-from gpsim.trials.blinding.machine_worlds import conceal_machine
+from gpsim.trials.blinding.logs import logged
 from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
@@ -32,6 +33,7 @@ from gpsim.trials.worlds import (
     FREE,
     SYSTEMS,
     Machine,
+    Rough,
     Session,
     TrueEffect,
     drive,
@@ -321,6 +323,16 @@ def test_an_arm_is_published_with_its_model(tmp_path):
 
 
 def test_of_a_machine_that_logs_positions_alone_nobody_reads_velocities():
-    made = conceal_machine(1, MACHINES_FROM + 2)
-    assert made.world.machine.positions_only
-    assert {r.state.names for r in made.recordings} == {("x", "theta")}
+    session = Session("multisine", "hanging", 3, 500)
+    world = world_of(
+        "cartpole",
+        (TrueEffect("viscous_friction", "x", {"damping": 0.5}),),
+        excitation="multisine", posture="hanging", dt=0.01, steps=500, episodes=3, parameters=CART,
+        velocities="differentiated", machine=Machine("rig", True, (session,)),
+    )  # fmt: skip
+    ran = machine_worlds._run(world)
+    log = logged(world, Rough(), ran.even)
+    recording = machine_worlds._as_kept(ran, log.recording)
+    assert recording.state.names == ("x", "theta")
+    assert (recording.velocities, set(recording.noise) - {"x", "theta"}) == (None, set())
+    assert {e.states.shape[1] for e in recording.episodes} == {2}
