@@ -38,6 +38,7 @@ OFF, MISTAKEN = 0.3, 0.15  # by which masses are usually off, and gains of motor
 TWICE = (
     2.0  # times as much, by which a size is off at most: what is noisy is best foreseen by next to nothing
 )
+NOTHING = 1e-6  # of its usual size, which is none
 ROW = 3.0  # times its usual start, that a joint's row may well be
 MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 
@@ -101,7 +102,7 @@ class _Part:
     def sensible(self, sizes: FloatArray) -> bool:
         """Whether no bound holds it: a payload has its mass where its moments say, near its body."""
         assert self.candidate is not None
-        held = (sizes <= self.low) | (sizes >= self.high)
+        held = (sizes <= self.low + NOTHING * self.usual) | (sizes >= self.high)
         if held.any() or not len(self.centre):
             return not held.any()
         at, declared = self.centre + sizes[1:] / sizes[0], self.candidate.declared[1:]
@@ -256,10 +257,9 @@ class _Regression:
 
     def _rows(self) -> _Part:
         """Every row, at its own joint."""
-        terms, declared = self.forces.rows.terms, self.forces.rows.parameters
+        declared = self.forces.rows.parameters
         low, high = (np.array([getattr(p, end) for p in declared]) for end in ("low", "high"))
-        often = [1.0 if t.family == "constant_force" else ROW for t in terms]
-        usual = [k * max(abs(v) for v in p.starts) for k, p in zip(often, declared, strict=True)]
+        usual = [ROW * max(abs(v) for v in p.starts) for p in declared]
         return _Part(None, self._columns(self.forces.of_rows()), low, high, np.array(usual))
 
     def _part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> _Part:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,6 +22,8 @@ from gpsim.simulators import Simulator
 
 ORDER = 4  # of the filter (Butterworth), applied forwards and backwards
 GAP = 5.0  # samples that are missing, behind which a recording begins anew
+USUAL, SLOW = 0.95, 0.1  # quantile of speeds that is the usual one; of it, below which a joint may stick
+MOSTLY = 0.8  # of the rows about one, in which a joint moves: where it sticks, nobody knows how much friction holds it
 SHORTEST, FEWEST = 60, 20  # samples and rows of a stretch, so that what the filter does at its ends is little
 
 
@@ -65,8 +68,16 @@ class LowPassed:
         rows = np.concatenate(
             [np.arange(a + spacing, b - spacing, spacing) for a, b in zip(firsts, self.ends, strict=True)]
         )
-        reach = np.arange(-spacing, spacing + 1)
-        return rows, np.asarray(self.free[rows[:, None] + reach].all(axis=1))
+        about = rows[:, None] + np.arange(-spacing, spacing + 1)
+        moves = self._moving[about].mean(axis=1) >= MOSTLY
+        return rows, np.asarray(moves & self.free[about].all(axis=1))
+
+    @cached_property
+    def _moving(self) -> BoolArray:
+        """(N, C): which coordinates move."""
+        names, coordinates = self.simulator.state, self.simulator.coordinates
+        speeds = np.abs(self.states[:, [names.index(c.velocity) for c in coordinates]])
+        return np.asarray(speeds > SLOW * np.quantile(speeds, USUAL, axis=0))
 
 
 def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPassed | None:
