@@ -39,7 +39,6 @@ NEXT = 2  # of the cheapest terms that are left out by turns when each of them c
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
 LATE = "actuator_delay"
-MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
 )

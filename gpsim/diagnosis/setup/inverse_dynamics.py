@@ -35,9 +35,7 @@ MOST = 6  # bodies and motors that are off at once, at most
 ROUNDS = 3  # of weights by what is left at each joint
 NARROW = 1e-9  # of what a joint lacks, below which it is known without noise
 OFF, MISTAKEN = 0.3, 0.15  # by which masses are usually off, and gains of motors
-TWICE = (
-    2.0  # times as much, by which a size is off at most: what is noisy is best foreseen by next to nothing
-)
+TWICE = 2.0  # times as much is the most: what is noisy is foreseen best by next to nothing
 NOTHING = 1e-6  # of its usual size, which is none
 ROW = 3.0  # times its usual start, that a joint's row may well be
 MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
@@ -188,7 +186,7 @@ class _Forces:
         system, moved = closed(self.problem.simulator), self.motion
         assert system is not None
         told = system.lacking_force(moved.states, actions, moved.acceleration, self.problem.parameters, terms)
-        return np.nan_to_num(told)
+        return np.nan_to_num(told, posinf=0.0, neginf=0.0)
 
 
 @dataclass(frozen=True)
@@ -311,9 +309,7 @@ def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = No
     """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there."""
     columns = np.concatenate([part.columns for part in parts])
     low, high, usual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("low", "high", "usual"))
-    count = np.maximum(
-        (lacks != 0.0).sum(axis=0), 1
-    )  # of a coordinate that something else pushed, nothing is told
+    count = np.maximum((lacks != 0.0).sum(axis=0), 1)  # rows that tell of each joint
     whole = (lacks**2).sum(axis=0) / count
     least = NARROW * whole + np.finfo(float).tiny
     left = whole + least if left is None else left

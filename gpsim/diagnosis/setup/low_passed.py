@@ -24,6 +24,7 @@ ORDER = 4  # of the filter (Butterworth), applied forwards and backwards
 GAP = 5.0  # samples that are missing, behind which a recording begins anew
 USUAL, SLOW = 0.95, 0.1  # quantile of speeds that is the usual one; of it, below which a joint may stick
 MOSTLY = 0.8  # of the rows about one, in which a joint moves: where it sticks, nobody knows how much friction holds it
+LONGEST = 20_000  # rows in all, of which the beginnings of longer stretches are taken, for a second or two
 SHORTEST, FEWEST = 60, 20  # samples and rows of a stretch, so that what the filter does at its ends is little
 
 
@@ -84,9 +85,10 @@ def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPa
     """The motion below a share of the Nyquist frequency; None where every stretch is too short."""
     below, every = butter(ORDER, wide, output="sos"), max(int(1.0 / wide), 1)
     states, acceleration, came = [], [], []
+    part = min(1.0, LONGEST * every / sum(len(e) for e in recording.episodes))
     for episode in recording.episodes:
         for start, stop in _stretches(episode, recording.dt):
-            grid = np.arange(start, stop, recording.dt)
+            grid = np.arange(start, start + part * (stop - start), recording.dt)
             if len(grid) < max(SHORTEST, FEWEST * every):
                 continue
             path = CubicSpline(grid, sosfiltfilt(below, _positions(simulator, episode)(grid), axis=0))
