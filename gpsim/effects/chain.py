@@ -188,8 +188,8 @@ class Chain:
 
     def remembers(self, values: Sequence[Values]) -> float:
         """How long [s] a command matters after it was given, through all that happens to it."""
-        acting = dict.fromkeys((i, effect) for i, effect, _ in self._actuators)
-        return sum(effect.remembers(values[i]) for i, effect in acting)
+        acting = {i: effect for i, effect, _ in self._actuators}
+        return sum(effect.remembers(values[i]) for i, effect in acting.items())
 
     def acts(self, term: int) -> bool:
         """Whether a term changes commands."""

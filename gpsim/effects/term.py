@@ -130,7 +130,7 @@ class Term:
     values: Mapping[str, float] = field(default_factory=dict)
     gate: Gate = field(default_factory=Gate)
     variant: str = ""
-    also: tuple[str, ...] = ()
+    also: tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
     def places(self) -> tuple[str, ...]:
@@ -189,7 +189,7 @@ def from_json(data: Mapping[str, Any]) -> Term:
         gate = Gate(region, since, since_episode=None if episode is None else int(episode))
         values = {str(k): float(v) for k, v in data["values"].items()}
         also = tuple(str(on) for on in data.get("also", ()))
-        term = Term(str(data["family"]), str(data["on"]), values, gate, str(data["variant"]), also)
+        term = Term(str(data["family"]), str(data["on"]), values, gate, str(data["variant"]), also=also)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UsageError(
             f"an effect needs family, on, variant, values, region and since, got {data!r}"
