@@ -19,7 +19,7 @@ from scipy.optimize import lsq_linear
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, child_of, objective
-from gpsim.diagnosis.setup.low_passed import LowPassed, low_passed
+from gpsim.diagnosis.setup.low_passed import USUAL, LowPassed, low_passed
 from gpsim.effects import Effect, ForceEffect, Term, closed
 from gpsim.recordings import Recording
 
@@ -29,7 +29,6 @@ motion asks for a wide band, coarse encoders for a narrow one, late commands and
 LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
 LATER = 0.1  # samples, by which commands come later where that is asked
 TURNS = 0.01  # of a joint's usual speed, within which dry friction is taken to turn round
-USUAL = 0.95  # quantile of speeds that is the usual one
 ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
 MOST = 6  # bodies and motors that are off at once, at most
 ROUNDS = 3  # of weights by what is left at each joint
