@@ -67,13 +67,15 @@ def alongside(
     longest = max(len(episode) for episode in question.recording.episodes)
     length = max(2, round(min(horizon / question.recording.dt, longest)))
     models = {kind: _as_it_was(model, plants.get(kind)) for kind, model in judged.models.items()}
+    account = models["after"].hypothesis
+    completions = Completions(question.everything, question.recording, question.hidden, account)
     return Alongside(
         question.everything.simulator.state,
         {} if question.sight is None else dict(question.sight.held),
         question.everything.scale,
         question.thinned,
         length * question.recording.dt,
-        {NAMES[kind]: _along(question, model, length) for kind, model in models.items()},
+        {NAMES[kind]: _along(question, completions, model, length) for kind, model in models.items()},
     )
 
 
@@ -85,14 +87,14 @@ def _as_it_was(model: Model, plant: EffectsPlant | None) -> Model:
     return replace(model, hypothesis=hypothesis)
 
 
-def _along(question: Question, model: Model, length: int) -> tuple[Along, ...]:
+def _along(question: Question, completions: Completions, model: Model, length: int) -> tuple[Along, ...]:
     """A model along every episode, in rollouts of so many transitions."""
     problem, state = question.everything, question.everything.simulator.state
     seen = np.array([name not in question.hidden for name in state.names])
     episodes = question.recording.episodes
     blank = (np.full((len(e.t), 2 * len(state) + 1), np.nan) for e in episodes)
     out = tuple(Along(b[:, : len(state)], b[:, len(state) : -1], b[:, -1]) for b in blank)
-    for windows in _windows(question, model, length):
+    for windows in _windows(question, completions.by(model.hypothesis), length):
         with np.errstate(all="ignore"):  # a rollout may run away
             said = predicted(problem, windows, model.hypothesis, model.extra)
             off = np.where(seen, difference(windows.measured, said, state), np.nan)
@@ -107,10 +109,9 @@ def _along(question: Question, model: Model, length: int) -> tuple[Along, ...]:
     return out
 
 
-def _windows(question: Question, model: Model, length: int) -> Iterator[Windows]:
-    """The whole recording, as the model completes it, in rollouts, some at a time."""
+def _windows(question: Question, recording: Recording, length: int) -> Iterator[Windows]:
+    """The whole recording, as a model completes it, in rollouts, some at a time."""
     settings = question.everything.run.settings.windows
-    completions = Completions(question.everything, question.recording, question.hidden)
-    windows = cut(completions.by(model.hypothesis), settings, length)
+    windows = cut(recording, settings, length)
     for first in range(0, len(windows), settings.at_once):
         yield windows.take(np.arange(first, min(first + settings.at_once, len(windows))))

@@ -38,8 +38,9 @@ def by_recording(
     parts = apart(question.recording)
     if len(parts) < 2:
         return None
-    completions = Completions(question.everything, question.recording, question.hidden)
-    ends = _ends(question, judgement.leader.hypothesis, completions)
+    leader = judgement.leader.hypothesis
+    completions = Completions(question.everything, question.recording, question.hidden, leader)
+    ends = _ends(question, leader, completions)
     left_out = [_from_others(question, judgement, attribution, k) for k in range(len(parts))]
     return tuple(
         OneRecording(

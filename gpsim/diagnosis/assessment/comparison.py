@@ -99,7 +99,7 @@ def compare(
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
     if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
         hypotheses["finely"] = Hypothesis()
-    completions = Completions(problem, question.recording, question.hidden)
+    completions = Completions(problem, question.recording, question.hidden, after)
     steps = steps_of(question, hypotheses, completions)
     rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
     trains = {

@@ -135,7 +135,7 @@ def _one_step(judged: Judged, rng: np.random.Generator) -> tuple[dict[str, Score
     """Errors of every rate that was measured, and how many transitions were looked at."""
     question, problem = judged.question, judged.question.everything
     hypotheses = {kind: model.hypothesis for kind, model in judged.models.items()}
-    steps = steps_of(question, hypotheses, _completions(question))
+    steps = steps_of(question, hypotheses, _completions(judged))
     left = {
         kind: residual_rates(problem, steps[kind].test, model.hypothesis, model.extra)
         for kind, model in judged.models.items()
@@ -153,15 +153,16 @@ def _one_step(judged: Judged, rng: np.random.Generator) -> tuple[dict[str, Score
 def _rolled(judged: Judged, model: Model) -> tuple[FloatArray, FloatArray]:
     """(W, S) how far a model has drifted after the horizon, and what was measured there."""
     question = judged.question
-    windows = whole_windows(question, _completions(question).by(model.hypothesis))
+    windows = whole_windows(question, _completions(judged).by(model.hypothesis))
     if not len(windows):
         none = np.empty((0, len(question.everything.simulator.state)))
         return none, none
     return rolled(question.everything, windows, model), windows.measured[:, -1]
 
 
-def _completions(question: Question) -> Completions:
-    return Completions(question.everything, question.recording, question.hidden)
+def _completions(judged: Judged) -> Completions:
+    question, account = judged.question, judged.models["after"].hypothesis
+    return Completions(question.everything, question.recording, question.hidden, account)
 
 
 def _all_kinds(errors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

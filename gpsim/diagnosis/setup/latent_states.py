@@ -68,14 +68,21 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
 
 
 class Completions:
-    """A recording as each hypothesis completes it: worked out once for each, whoever asks."""
+    """A recording as each hypothesis completes it: worked out once for each, whoever asks.
 
-    def __init__(self, problem: Problem, recording: Recording, hidden: Sequence[str]) -> None:
+    account: the leading one, which completes it for all where every step is dear.
+    """
+
+    def __init__(
+        self, problem: Problem, recording: Recording, hidden: Sequence[str], account: Hypothesis
+    ) -> None:
         self._asked = problem, recording, hidden
+        self._for_all = account if closed(problem.simulator) is not None else None
         self._known: list[tuple[Hypothesis, Recording]] = []
 
     def by(self, hypothesis: Hypothesis) -> Recording:
         """The recording with its hidden channels as the hypothesis's own windows say."""
+        hypothesis = self._for_all or hypothesis
         for known, recording in self._known:
             if known == hypothesis:
                 return recording
