@@ -17,6 +17,7 @@ from gpsim.diagnosis.assessment import (
     depends_on,
     estimates,
     locate,
+    sums,
     tell_apart,
 )
 from gpsim.diagnosis.attribution import Attribution, fits_without
@@ -88,7 +89,13 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         explained=replace(attribution.explained, one_step=comparison.shares),
         curves=answer.laws.curves,
         not_asked=not_asked(question),
-        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
+        combinations=by_name(
+            [
+                *combinations(problem, leader, judgement.rivals),
+                *sums(question, leader.hypothesis, answer.sizes),
+            ],
+            names,
+        ),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),

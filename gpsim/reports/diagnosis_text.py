@@ -52,23 +52,39 @@ def log_fact_text(fact: LogFact) -> str:
 def fixed_text(combination: Combination) -> str:
     """What the data fix: the product of powers, and its value; that it is one combination where nobody knows which."""
     powers = combination.exponents
+    names = [_parameter(name) for name in combination.of]
+    if combination.weights:
+        full = [_parameter(name, whole=None) for name in combination.of]
+        parts = zip(full, combination.weights, combination.neutral, strict=True)
+        return f"{' + '.join(_weighted(*part) for part in parts)}{_size(combination)}"
     if len(powers) != len(combination.of) or not any(powers):
         return "one combination of them"
-    names = [_parameter(name) for name in combination.of]
     above = [_power(n, p) for n, p in zip(names, powers, strict=True) if p > 0]
     below = [_power(n, -p) for n, p in zip(names, powers, strict=True) if p < 0]
     said = f"{' · '.join(above) or '1'}{' / ' + ' / '.join(below) if below else ''}"
+    return f"{said}{_size(combination)}"
+
+
+def _size(combination: Combination) -> str:
     value, low, high = combination.value, combination.low, combination.high
     if value is None:
-        return said
+        return ""
     of = "" if combination.unit == "1" else f" {unit(combination.unit)}"
     size = f"{value:.4g}" if low is None or high is None else interval_text(value, low, high)
-    return f"{said} = {size}{of}"
+    return f" = {size}{of}"
+
+
+def _weighted(name: str, weight: float, neutral: float) -> str:
+    """`0.95 · (cart.mass ratio - 1)`: how far a parameter is from doing nothing, times its weight."""
+    off = f"({name} - {neutral:g})" if neutral else name
+    return off if weight == 1.0 else f"{weight:.3g} · {off}"
 
 
 def open_text(combination: Combination) -> str:
     """The direction that the data leave open."""
     powers = combination.exponents
+    if combination.weights:
+        return "one may stand in the other's place"
     if len(powers) != len(combination.of) or len(powers) != 2:
         return "all of them may change as long as it stays"
     return "both may be scaled alike" if _is_ratio(combination) else "one may grow as the other shrinks"
@@ -100,13 +116,16 @@ def parameters_of(combination: Combination) -> str:
     return listed([_parameter(name) for name in combination.of], None, "or")
 
 
-def _parameter(name: str) -> str:
-    """`force gain` of `actuator_gain on force: gain`; a name of another form stays as it is."""
+def _parameter(name: str, whole: str | None = WHOLE) -> str:
+    """`force gain` of `actuator_gain on force: gain`; a name of another form stays as it is.
+
+    whole: the family whose place says all.
+    """
     claim, between, parameter = name.rpartition(": ")
     family, on, place = claim.partition(" on ")
     if not (between and on):
         return name
-    return place if family == WHOLE else f"{place} {parameter.replace('_', ' ')}"
+    return place if family == whole else f"{place} {parameter.replace('_', ' ')}"
 
 
 def _power(name: str, power: float) -> str:

@@ -11,7 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.importance import importances, players
 from gpsim.diagnosis.attribution.judges import Judge, rollout_judge, window_judge
 from gpsim.diagnosis.attribution.less import fits_without
-from gpsim.diagnosis.attribution.roles import deciding, growth, role_of
+from gpsim.diagnosis.attribution.roles import deciding, growth, role_of, sure_rows
 from gpsim.diagnosis.attribution.shares import Mismatch
 from gpsim.diagnosis.fitting import Fit
 from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
@@ -83,8 +83,11 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     order = [i for g in players(leader.hypothesis) for i in g]
     together = dict(zip(order, played, strict=True))
     grows = tuple(growth(mismatch, whole, less) for less in without)
-    roles = tuple(
-        role_of(together[i], need, left, deciding(mismatch, whole, less), by, settings)
+    sure = sure_rows(problem, leader)
+    roles: tuple[Role, ...] = tuple(
+        "headline"
+        if i in sure
+        else role_of(together[i], need, left, deciding(mismatch, whole, less), by, settings)
         for i, (need, less, by) in enumerate(zip(needed, without, grows, strict=True))
     )
     return Attribution(explained, importance, needed, roles, grows, judge, noise, squares)

@@ -6,8 +6,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.shares import LOW, TINY, Mismatch
+from gpsim.diagnosis.fitting import Fit, Problem, correlation_time, quadratic
 from gpsim.diagnosis.report import Role, Share
+from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import AttributionSettings
+from gpsim.diagnosis.setup import is_row
 
 NEEDED_OF_LEFT = 5.0
 """Or times what the account leaves, if that is less: with clean sensors little is left (by hand, on 48 rough worlds
@@ -15,6 +18,9 @@ of seeds 31 and 51, and EMPS, whose offset is needed by six times what is left).
 SELDOM = 5
 """Blocks in which an effect decides that is a headline for that: a limit that is seldom reached, say."""
 DECIDES = 4.0  # times the squares with it, or those of noise: so large are they without it where it decides
+SURE_ROW = 30.0
+"""Nats, of residuals that neighbours do not share, by which friction or a rotor of a robot's joint is a headline (by
+reason: as many as a term of a large account must cost to be needed for sure, halved, since a row is expected)."""
 
 
 def role_of(
@@ -44,6 +50,21 @@ def role_of(
     beyond_what_is_left = needed.share >= NEEDED_OF_LEFT * left
     decides = decided >= SELDOM and beyond_what_is_left
     return "headline" if decides or importance.share >= settings.headline else "slight"
+
+
+def sure_rows(problem: Problem, leader: Fit) -> frozenset[int]:
+    """Terms that are friction, a rotor or an offset of a whole robot's joint and that no other term makes good for.
+
+    Rollouts of a bare robot end so far off that viscous friction of a light wrist is no part of that which counts; the
+    windows, in which all of them are fitted together, know it well.
+    """
+    if not whole_robot(problem, leader.hypothesis):
+        return frozenset()
+    tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
+    around = quadratic(problem, leader)
+    sure = around.costs() > SURE_ROW * tau
+    rows = [is_row(t.effect) and not t.gate for t in leader.hypothesis.terms]
+    return frozenset(int(i) for i in np.flatnonzero(sure & rows & np.array(around.smooth)))
 
 
 def matters(needed: Share, left: float, settings: AttributionSettings) -> bool:

@@ -55,7 +55,8 @@ class Combination:
     """Parameters that only act together: what of them the data fix, and the direction that they leave open.
 
     of: the parameters, as `family on place: name`; fixed, open: in words; exponents: of each parameter in the product
-    that is fixed; value, low, high, unit: of that product.
+    that is fixed, or weights: of how far each is from its `neutral` value in the sum that is fixed; value, low, high,
+    unit: of that product or sum.
     """
 
     of: tuple[str, ...]
@@ -66,6 +67,8 @@ class Combination:
     low: float | None = None
     high: float | None = None
     unit: str = "1"
+    weights: tuple[float, ...] = ()
+    neutral: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

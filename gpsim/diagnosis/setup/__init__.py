@@ -1,5 +1,6 @@
 """Setup: from a recording to the question and to what may be missing."""
 
+from gpsim.diagnosis.setup.alike import Alike, alike
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_row, is_structure
@@ -13,10 +14,12 @@ from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
     "FEWEST_WITHOUT_CONTACT",
+    "Alike",
     "Completions",
     "LogLook",
     "Question",
     "Sight",
+    "alike",
     "apart",
     "by_inverse_dynamics",
     "candidates",

@@ -73,16 +73,16 @@ def by_inverse_dynamics(
     for wide, narrow in CUTOFFS.items():
         motion = low_passed(simulator, recording, wide)
         if motion is not None:
-            forces = _Forces(problem, recording.dt, motion, rows)
+            forces = Forces(problem, recording.dt, motion, rows)
             for below in narrow:
-                found += _Regression(forces, below, tuple(delays)).found(others)
+                found += Regression(forces, below, tuple(delays)).found(others)
     off = [objective(problem, problem.residuals(h, h.theta[None], starts)[0]) for h in found]
     best = int(np.argmin(off))
     return found[best] if best else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class Part:
     """What may be missing: columns (P, K, C) of forces of size 1, bounds and usual sizes (P,), whence its values.
 
     centre: where a payload's moments are counted from. gain: whether it scales what was measured.
@@ -116,7 +116,7 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class _Sized:
+class Sized:
     """A least squares: sizes of all columns, what is left at each joint (variances), log evidence."""
 
     sizes: FloatArray
@@ -125,7 +125,7 @@ class _Sized:
 
 
 @dataclass(eq=False)
-class _Forces:
+class Forces:
     """What forces the motion would have taken (N, C), with and without what may be off."""
 
     problem: Problem
@@ -189,39 +189,39 @@ class _Forces:
 
 
 @dataclass(frozen=True)
-class _Regression:
+class Regression:
     """A least squares of forces below a share of the Nyquist frequency."""
 
-    forces: _Forces
+    forces: Forces
     narrow: float
     delays: tuple[Candidate, ...]
 
     def found(self, others: Sequence[Candidate]) -> list[Hypothesis]:
         """Rows and late commands, and with what else is off where something is; nothing where too little moved."""
-        rows = self._rows()
+        rows = self.rows_part()
         if rows.columns.shape[1] < 2 * len(rows.usual):
             return []
         late, parts = self._again(self._late([rows]), [rows])
         out = [self._hypothesis(*self._fitted(late, parts))]
         about = {c: tuple(p.starts[0] for p in c.declared) for c in others}
-        left = [self._part(c, v, late) for c, v in about.items()]
+        left = [self.part(c, v, late) for c, v in about.items()]
         while left and len(parts) <= MOST and (more := self._one_more(late, parts, left)):
             left.remove(more)
             late, parts = self._again(self._late([*parts, more]), [*parts, more])
         return [*out, self._hypothesis(*self._fitted(late, parts))] if len(parts) > 1 else out
 
-    def _again(self, late: float, parts: Sequence[_Part]) -> tuple[float, list[_Part]]:
+    def _again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
         every, fit, late = self._fitted(late, parts)
         about = {p.candidate: p.values(s) for p, s in _split(every, fit) if p.candidate}
-        return late, [parts[0], *(self._part(c, v, late) for c, v in about.items())]
+        return late, [parts[0], *(self.part(c, v, late) for c, v in about.items())]
 
-    def _fitted(self, late: float, parts: Sequence[_Part]) -> tuple[list[_Part], _Sized, float]:
+    def _fitted(self, late: float, parts: Sequence[Part]) -> tuple[list[Part], Sized, float]:
         """Rows, bodies and how late commands come, fitted: all parts, their sizes, and how late then."""
         rows, *off = parts
-        lateness = self._lateness(late)
+        lateness = self.lateness(late)
         every = [rows, *lateness, *off]
-        fit = _fit(self._lacks(late), every)
+        fit = least_squares(self.lacks(late), every)
         return every, fit, late + sum(float(fit.sizes[len(rows.usual)]) for _ in lateness)
 
     def _heard(self, force: FloatArray) -> FloatArray:
@@ -230,62 +230,69 @@ class _Regression:
     def _columns(self, force: FloatArray) -> FloatArray:
         return np.moveaxis(self._heard(force), -1, 0)
 
-    def _lacks(self, late: float) -> FloatArray:
+    def lacks(self, late: float) -> FloatArray:
+        """(K, C): what the base lacks where commands come late by so many s."""
         return self._heard(self.forces.lacking(late))
 
-    def _late(self, parts: list[_Part]) -> float:
+    def _late(self, parts: list[Part]) -> float:
         """How late commands come (s), by a scan; at once where that is as good."""
         if not self.delays:
             return 0.0
         scanned = [float(late) for late in np.arange(0.0, LATEST + GRID / 2.0, GRID) * self.forces.dt]
-        evidence = [_fit(self._lacks(late), parts).evidence for late in scanned]
+        evidence = [least_squares(self.lacks(late), parts).evidence for late in scanned]
         best = int(np.argmax(evidence))
         return scanned[best] if evidence[best] > evidence[0] + ENOUGH else 0.0
 
-    def _lateness(self, late: float) -> list[_Part]:
+    def lateness(self, late: float) -> list[Part]:
         """How forces change where commands come later still; none where they come at once."""
         if not late:
             return []
         dt = self.forces.dt
         more = LATER * dt
-        change = (self._lacks(late) - self._lacks(late + more))[None] / more
+        change = (self.lacks(late) - self.lacks(late + more))[None] / more
         low, high = np.array([-late]), np.array([LATEST * dt - late])
-        return [_Part(None, change, low, high, np.array([GRID * dt]))]
+        return [Part(None, change, low, high, np.array([GRID * dt]))]
 
-    def _rows(self) -> _Part:
+    def rows_part(self) -> Part:
         """Every row, at its own joint."""
         declared = self.forces.rows.parameters
         low, high = (np.array([getattr(p, end) for p in declared]) for end in ("low", "high"))
         usual = [ROW * max(abs(v) for v in p.starts) for p in declared]
-        return _Part(None, self._columns(self.forces.of_rows()), low, high, np.array(usual))
+        return Part(None, self._columns(self.forces.of_rows()), low, high, np.array(usual))
 
-    def _part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> _Part:
+    def of_rotor(self, joint: str) -> FloatArray:
+        """(1, K, C): what a rotor of size 1 takes."""
+        coordinates, acceleration = self.forces.problem.simulator.coordinates, self.forces.motion.acceleration
+        own = np.array([c.name == joint for c in coordinates])
+        return self._columns((-acceleration * own)[..., None])
+
+    def part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> Part:
         """A body or a motor that is off: what it changes about these values."""
         declared = candidate.declared
         if candidate.family == "actuator_gain":
             change, off = self._columns(self.forces.of_gain(candidate, late)), np.array([MISTAKEN])
-            return _Part(candidate, change, -TWICE * off, TWICE * off, off, gain=True)
+            return Part(candidate, change, -TWICE * off, TWICE * off, off, gain=True)
         change, off = self._columns(self.forces.of_body(candidate, about)), np.array([OFF])
         if candidate.family != "payload":
-            return _Part(candidate, change, -TWICE * off, TWICE * off, off)
+            return Part(candidate, change, -TWICE * off, TWICE * off, off)
         heavy = (declared[0].plausible or (0.0, declared[0].high))[1] / 2.0
         usual = np.array([heavy, *(heavy * p.scale for p in declared[1:])])
         moments = np.full(len(declared) - 1, np.inf)
         low, high = np.array([0.0, *-moments]), np.array([declared[0].high, *moments])
-        return _Part(candidate, change, low, high, usual, np.array(about[1:]))
+        return Part(candidate, change, low, high, usual, np.array(about[1:]))
 
-    def _one_more(self, late: float, parts: Sequence[_Part], left: Sequence[_Part]) -> _Part | None:
+    def _one_more(self, late: float, parts: Sequence[Part], left: Sequence[Part]) -> Part | None:
         """Of what is left what brings most evidence, where that is enough."""
-        lacks, every = self._lacks(late), [*parts, *self._lateness(late)]
-        best, found = _fit(lacks, every), None
+        lacks, every = self.lacks(late), [*parts, *self.lateness(late)]
+        best, found = least_squares(lacks, every), None
         enough = best.evidence + ENOUGH
         for part in left:
-            fit = _fit(lacks, [*every, part], best.left)
+            fit = least_squares(lacks, [*every, part], best.left)
             if fit.evidence > enough and part.sensible(fit.sizes[-len(part.usual) :]):
                 enough, found = fit.evidence, part
         return found
 
-    def _hypothesis(self, parts: Sequence[_Part], fit: _Sized, late: float) -> Hypothesis:
+    def _hypothesis(self, parts: Sequence[Part], fit: Sized, late: float) -> Hypothesis:
         """The hypothesis that least squares say."""
         out = self.forces.rows.having(fit.sizes[: len(parts[0].usual)])
         for part, sizes in _split(parts, fit):
@@ -299,12 +306,12 @@ class _Regression:
         return out
 
 
-def _split(parts: Sequence[_Part], fit: _Sized) -> list[tuple[_Part, FloatArray]]:
+def _split(parts: Sequence[Part], fit: Sized) -> list[tuple[Part, FloatArray]]:
     ends = np.cumsum([len(part.usual) for part in parts])
     return list(zip(parts, np.split(fit.sizes, ends[:-1]), strict=True))
 
 
-def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = None) -> _Sized:
+def least_squares(lacks: FloatArray, parts: Sequence[Part], left: FloatArray | None = None) -> Sized:
     """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there."""
     columns = np.concatenate([part.columns for part in parts])
     low, high, usual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("low", "high", "usual"))
@@ -327,7 +334,7 @@ def _fit(lacks: FloatArray, parts: Sequence[_Part], left: FloatArray | None = No
     scale = 2.0 * len(lacks) * np.log1p((sizes * usual)[gains]).sum()  # noise is of what was measured
     noise = count @ np.log(left) - scale
     evidence = -0.5 * (noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
-    return _Sized(sizes * usual, left, float(evidence))
+    return Sized(sizes * usual, left, float(evidence))
 
 
 def _of_unit_size(
