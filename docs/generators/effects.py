@@ -27,6 +27,7 @@ OF_MODELS = {
     "payload": "a body",
     "armature": "a joint",
     "gravity_tilt": "`gravity`",
+    "gravity_compensation": "`gravity`",
     "joint_offset": "a joint",
 }
 """Where families act that only [models of bodies](../how-to/mujoco.md) know."""
@@ -49,8 +50,8 @@ states that are neither a coordinate nor its velocity. `sensor_lag` is asked whe
 measured, of the one that trails the other: of readings that all trail alike it cannot be told from an actuator's lag.
 `lugre_friction` is asked where what the base simulator misses grows over a way after each reversal, and noise does not
 hide that way; its bristles are integrated exactly for an even speed, so that no stiffness asks for shorter steps. It is
-not asked of MuJoCo models. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for
-[MuJoCo models](../how-to/mujoco.md).
+not asked of MuJoCo models. `payload`, `armature`, `gravity_tilt`, `joint_offset` and `gravity_compensation`
+(where every joint has an actuator) are for [MuJoCo models](../how-to/mujoco.md).
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
 function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be

@@ -139,6 +139,12 @@ def _tilt(fields: Fields, body: Body, on: str, values: Values, share: FloatArray
     gravity[:] = np.stack([x, y, z], axis=1)
 
 
+def _compensated(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    """What is left of gravity where every joint is held against a part of it."""
+    gravity = fields["opt.gravity"]
+    gravity *= 1.0 - (share * values["share"])[:, None]
+
+
 def _offset(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
     """A servo compares its command with what the encoder says."""
     joint, model = _joint(body, on), body.model
@@ -209,6 +215,7 @@ NATIVE: Mapping[str, Native] = {
     "constant_force": Native((FORCE,), _constant),
     "armature": Native(("dof_armature",), _armature),
     "gravity_tilt": Native(("opt.gravity",), _tilt),
+    "gravity_compensation": Native(("opt.gravity",), _compensated),
     "joint_offset": Native(("actuator_biasprm",), _offset),
     "payload": Native(("body_mass", "body_ipos", "body_inertia", "body_iquat"), _payload),
 }

@@ -42,12 +42,25 @@ def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mappin
     }
     weighs = float(np.linalg.norm(model.opt.gravity))
     tilt = {"gravity": ModelPlace("rad", 1.0)} if weighs > 0.0 else {}
+    held = {"gravity": ModelPlace("1", 1.0)} if weighs > 0.0 and _all_driven(body) else {}
     offset = {
         name: ModelPlace(body.names.state.units[name], 1.0, steers=servoed(model, j))
         for name, j, _ in of_joint
         if name in states
     }
-    return {"payload": payload, "armature": armature, "gravity_tilt": tilt, "joint_offset": offset}
+    return {
+        "payload": payload,
+        "armature": armature,
+        "gravity_tilt": tilt,
+        "gravity_compensation": held,
+        "joint_offset": offset,
+    }
+
+
+def _all_driven(body: Body) -> bool:
+    """Whether every degree of freedom has an actuator, which may hold it against gravity."""
+    model = body.model
+    return {int(j) for j in model.actuator_trnid[:, 0]} >= set(range(model.njnt)) and model.njnt == model.nv
 
 
 def _turning(body: Body, joint: str) -> bool:

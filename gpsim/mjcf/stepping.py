@@ -97,7 +97,7 @@ class Plan:
         if native is not None:
             return native.fields
         if isinstance(effect, ParameterEffect):
-            return parameter_fields(self.body, term.on)
+            return tuple(field for on in term.places for field in parameter_fields(self.body, on))
         if isinstance(effect, ForceEffect):
             return FRICTION if effect.dry else (FORCE,)
         if isinstance(effect, RateEffect):
@@ -107,9 +107,10 @@ class Plan:
     def _write_parameter(self, fields: Fields, term: Term, values: Values, share: FloatArray) -> None:
         effect = term.effect
         assert isinstance(effect, ParameterEffect)
-        believed = np.full(fields.count, self.parameters[term.on])
-        value = effect.corrected(believed, values)
-        self.body.knobs[term.on].write(fields, share * value + (1.0 - share) * believed)
+        for on in term.places:
+            believed = np.full(fields.count, self.parameters[on])
+            value = effect.corrected(believed, values)
+            self.body.knobs[on].write(fields, share * value + (1.0 - share) * believed)
 
 
 @dataclass(frozen=True)

@@ -209,6 +209,8 @@ def test_model_effects_are_those_of_a_model_written_so(double, tmp_path):
         Term("gravity_tilt", "gravity", {"roll": 0.0, "pitch": 0.2}),
         DOUBLE.replace('integrator="implicitfast"', tilted),
     )
+    held = Term("gravity_compensation", "gravity", {"share": 0.9})
+    agrees(held, DOUBLE.replace("<body ", '<body gravcomp="0.9" '))
 
 
 def test_an_encoders_zero_misleads_its_servo(tmp_path):

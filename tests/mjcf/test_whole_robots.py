@@ -26,14 +26,17 @@ DRY, VISCOUS, ROTOR = (0.3, 0.15), (0.2, 0.1), (0.03, 0.01)
 LOAD, AT = 0.3, (0.04, 0.0, -0.35)  # kg, m in the lower link's frame
 
 
-def _logged(folder, *, load=0.0, late=0, lost=()):
+def _logged(folder, *, load=0.0, late=0, lost=(), held=0.0):
     """A double pendulum with friction and rotors at both joints, positions only; the question and the true speeds.
 
-    load: kg at AT of the lower link; late: samples by which commands come late; lost: rows of every episode.
+    load: kg at AT of the lower link; late: samples by which commands come late; lost: rows of every episode; held: the
+    share of gravity that a controller makes up for.
     """
     spec = mujoco.MjSpec.from_string(DOUBLE)
     if load:
         spec.body("lower").add_geom(pos=AT, size=[1e-4, 0, 0], mass=load, contype=0, conaffinity=0)
+    for body in spec.bodies[1:]:
+        body.gravcomp = held
     rng, model = np.random.default_rng(3), spec.compile()
     model.opt.timestep /= 4
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
@@ -157,6 +160,23 @@ def test_inverse_dynamics_claim_neither_loads_nor_late_commands_of_what_has_none
     )
     found = by_inverse_dynamics(question.searched, question.recording, rows, others, delays)
     assert found.claims == rows.claims
+
+
+def test_inverse_dynamics_find_that_a_controller_makes_up_for_gravity(tmp_path):
+    """By MuJoCo's own gravity compensation; no mass, gain or load stands for it."""
+    question = _logged(tmp_path, held=0.95)[0]
+    offers, rows = offers_of(question), _frictions(question, 0.0)
+    others = [c for c in offers if is_structure(c)]
+    found = by_inverse_dynamics(question.searched, question.recording, rows, others, ())
+    said = {(t.family, t.on): t.values for t in found.terms}
+    assert said.pop(("gravity_compensation", "gravity")) == {"share": pytest.approx(0.95, abs=0.03)}
+    assert said.keys() == rows.claims
+    child = child_of(Hypothesis(), *_row(offers, "gravity_compensation", "gravity", 0.95))
+    starts = question.searched.windows.measured[None, :, 0]
+    bare, told = (
+        np.square(question.searched.residuals(h, h.theta[None], starts)).mean() for h in (Hypothesis(), child)
+    )
+    assert told < bare
 
 
 def test_what_is_no_row_of_a_joint_is_not_sized_by_inverse_dynamics(rubbing):

@@ -14,6 +14,7 @@ from gpsim.diagnosis.fitting import (
     Candidate,
     Directions,
     Fit,
+    Hypothesis,
     Order,
     Problem,
     child_of,
@@ -21,6 +22,7 @@ from gpsim.diagnosis.fitting import (
     fit_all,
     fit_near,
     fit_order,
+    rescored,
     scores,
     screened,
     whiteness,
@@ -333,8 +335,17 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
         return directions, later
     children = [child_of(leader.hypothesis, c, start) for c, start in chosen]
+    if whole_robot(problem, leader.hypothesis):
+        children = _worth_a_fit(part, seen, children, ROBOT_GAIN / more)
     orders = [Order(child, leader.starts, schedules.GLANCE, schedules.ROUGH) for child in children]
     return directions, fit_near(problem, orders, schedules.SETTLE, schedules.ROUGH) + later
+
+
+def _worth_a_fit(part: Problem, seen: Fit, children: Sequence[Hypothesis], least: float) -> list[Hypothesis]:
+    """Those that gain so many nats where they are fitted to a part of the windows: what is linear promises too much."""
+    before = rescored(part, seen)
+    orders = [Order(child, seen.starts, schedules.GLANCE, schedules.ROUGH) for child in children]
+    return [f.hypothesis for f in fit_all(part, orders) if before.objective - f.objective > least]
 
 
 def _gated(

@@ -15,7 +15,9 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
 from gpsim.diagnosis.setup.inverse_dynamics import (
+    HELD,
     Forces,
+    Offer,
     Part,
     Regression,
     is_row,
@@ -73,7 +75,7 @@ def _found(
     if parts[0].columns.shape[1] < 2 * len(told.parameters):
         return []
     bodies = {i: _candidate(told.terms[i], offers) for i in asked if i not in rows}
-    own = {i: regression.part(c, _values(told.terms[i], c), late) for i, c in bodies.items() if c}
+    own = {i: regression.part(Offer(c), _values(told.terms[i], c), late) for i, c in bodies.items() if c}
     parts += own.values()
     root = np.sqrt(least_squares(regression.lacks(late), parts).left)
     of_rows = _flat(parts[0].columns, root)
@@ -120,7 +122,7 @@ def _candidate(term: Term, offers: Sequence[Candidate]) -> Candidate | None:
 def _may_stand(candidate: Candidate, told: Hypothesis) -> bool:
     """Whether it is a rotor, a mass or a gain that is not told."""
     one = candidate.family == "armature" or is_structure(candidate)
-    return one and candidate.family != "payload" and candidate.identity not in told.claims
+    return one and candidate.family not in ("payload", HELD) and candidate.identity not in told.claims
 
 
 def _other(regression: Regression, candidate: Candidate, late: float) -> FloatArray:
@@ -128,7 +130,7 @@ def _other(regression: Regression, candidate: Candidate, late: float) -> FloatAr
     if candidate.family == "armature":
         return regression.of_rotor(candidate.place.on)
     about = tuple(p.starts[0] for p in candidate.declared)
-    return regression.part(candidate, about, late).columns
+    return regression.part(Offer(candidate), about, late).columns
 
 
 def _values(term: Term, candidate: Candidate) -> tuple[float, ...]:
@@ -139,8 +141,8 @@ def _moved(term: Term, part: Part | None) -> FloatArray:
     """(P,) how far a term's columns are from what is believed: of a payload its mass about where it sits."""
     if part is None:
         return np.array(list(term.values.values()), dtype=float)
-    assert part.candidate is not None
-    said = np.array(_values(term, part.candidate)) - [p.none for p in part.candidate.declared]
+    assert part.offer is not None
+    said = np.array(_values(term, part.offer.candidate)) - [p.none for p in part.offer.declared]
     return np.concatenate([said[:1], np.zeros(len(said) - 1)])
 
 

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, child_of, objective
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, objective
 from gpsim.diagnosis.setup.low_passed import USUAL, LowPassed, low_passed
-from gpsim.effects import Effect, ForceEffect, Term, closed
+from gpsim.effects import Effect, EffectParameter, ForceEffect, Term, closed
 from gpsim.recordings import Recording
 
 CUTOFFS = {0.5: (0.15, 0.06), 0.2: (0.06, 0.025), 0.06: (0.012,)}
@@ -31,13 +31,18 @@ LATER = 0.1  # samples, by which commands come later where that is asked
 TURNS = 0.01  # of a joint's usual speed, within which dry friction is taken to turn round
 ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
 MOST = 6  # bodies and motors that are off at once, at most
-ROUNDS = 3  # of weights by what is left at each joint
+ROUNDS, WAIT, SURE = 7, 2, 1e12
+"""Rounds of weights by what is left at each joint; in the first of them gains stay as believed, or what rows have not
+yet explained would pass for noise that a smaller gain makes less."""
 NARROW = 1e-9  # of what a joint lacks, below which it is known without noise
 OFF, MISTAKEN = 0.3, 0.15  # by which masses are usually off, and gains of motors
 TWICE = 2.0  # times as much is the most: what is noisy is foreseen best by next to nothing
 NOTHING = 1e-6  # of its usual size, which is none
 ROW = 3.0  # times its usual start, that a joint's row may well be
-MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
+HELD, GAIN = "gravity_compensation", "actuator_gain"
+MASS, STIFF = ".mass", ".kp"
+"""How the parameters of a MuJoCo model end that are masses of bodies, and gains of position servos."""
+UNKNOWN, FACTOR = 0.5, (-0.9, 2.0)  # by which a servo's gain is usually off, and may be: few makers say it
 
 
 def is_row(effect: Effect) -> bool:
@@ -46,11 +51,11 @@ def is_row(effect: Effect) -> bool:
 
 
 def is_structure(candidate: Candidate) -> bool:
-    """Whether it is a body or a motor that is off: a payload, a mass, a gain."""
+    """Whether it is a body or a motor that is off: a payload, a mass, a gain, gravity that a controller holds."""
     if candidate.variant:
         return False
     family, on = candidate.family, candidate.place.on
-    return family in ("payload", "actuator_gain") or (family == "parameter_offset" and on.endswith(MASS))
+    return family in ("payload", GAIN, HELD) or (family == "parameter_offset" and on.endswith((MASS, STIFF)))
 
 
 def by_inverse_dynamics(
@@ -81,6 +86,46 @@ def by_inverse_dynamics(
     return found[best] if best else None
 
 
+@dataclass(frozen=True)
+class Offer:
+    """A candidate, and what else it acts on alike: the servos of an arm are of one make."""
+
+    candidate: Candidate
+    also: tuple[str, ...] = ()
+
+    @property
+    def declared(self) -> tuple[EffectParameter, ...]:
+        """Its parameters."""
+        return self.candidate.declared
+
+    @property
+    def family(self) -> str:
+        """Its family."""
+        return self.candidate.family
+
+    @property
+    def places(self) -> frozenset[tuple[str, str]]:
+        """Family and place of all that it claims."""
+        return frozenset((self.family, on) for on in (self.candidate.place.on, *self.also))
+
+    @property
+    def of_command(self) -> bool:
+        """Whether it scales what a motor makes of its command."""
+        return self.family == GAIN or self.candidate.place.on.endswith(STIFF)
+
+    def term(self, values: Sequence[float]) -> Term:
+        """The term with these values."""
+        return replace(self.candidate.term(values), also=self.also)
+
+
+def offered(candidates: Sequence[Candidate]) -> list[Offer]:
+    """Each by itself, and the gains of all position servos together; no share of a target, which no servo mistakes."""
+    stiff = [c for c in candidates if c.place.on.endswith(STIFF)]
+    together = [Offer(stiff[0], tuple(c.place.on for c in stiff[1:]))] if len(stiff) > 1 else []
+    servos = {(GAIN, c.place.on.removesuffix(STIFF)) for c in stiff}
+    return [*together, *(Offer(c) for c in candidates if c.identity not in servos)]
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """What may be missing: columns (P, K, C) of forces of size 1, bounds and usual sizes (P,), whence its values.
@@ -88,7 +133,7 @@ class Part:
     centre: where a payload's moments are counted from. gain: whether it scales what was measured.
     """
 
-    candidate: Candidate | None
+    offer: Offer | None
     columns: FloatArray
     low: FloatArray
     high: FloatArray
@@ -98,17 +143,17 @@ class Part:
 
     def sensible(self, sizes: FloatArray) -> bool:
         """Whether no bound holds it: a payload has its mass where its moments say, near its body."""
-        assert self.candidate is not None
+        assert self.offer is not None
         held = (sizes <= self.low + NOTHING * self.usual) | (sizes >= self.high)
         if held.any() or not len(self.centre):
             return not held.any()
-        at, declared = self.centre + sizes[1:] / sizes[0], self.candidate.declared[1:]
+        at, declared = self.centre + sizes[1:] / sizes[0], self.offer.declared[1:]
         return all(p.low < x < p.high for x, p in zip(at, declared, strict=True))
 
     def values(self, sizes: FloatArray) -> tuple[float, ...]:
         """The candidate's values, within its bounds."""
-        assert self.candidate is not None
-        declared = self.candidate.declared
+        assert self.offer is not None
+        declared = self.offer.declared
         said = np.array([p.none for p in declared]) + sizes
         if len(self.centre):
             said = np.concatenate([sizes[:1], self.centre + sizes[1:] / max(sizes[0], np.finfo(float).tiny)])
@@ -151,23 +196,30 @@ class Forces:
             out[:, joint, i] = _of_unit_size(term.effect, parameter.name, q, v, acceleration[:, joint])
         return out
 
-    def of_gain(self, candidate: Candidate, late: float) -> FloatArray:
-        """(N, C, 1): what a motor's gain changes."""
-        more = self.motion.actions(late)
-        more[:, self.problem.simulator.action.index(candidate.place.on)] *= 1.0 + MISTAKEN
-        return (self.lacking(late) - self._with((), more))[..., None] / MISTAKEN
+    def of_gain(self, offer: Offer, late: float) -> FloatArray:
+        """(N, C, 1): what a motor's gain changes, or a servo's."""
+        more, terms = self.motion.actions(late), []
+        if offer.family == GAIN:
+            more[:, self.problem.simulator.action.index(offer.candidate.place.on)] *= 1.0 + MISTAKEN
+        else:
+            terms = [offer.term((1.0 + MISTAKEN,))]
+        return (self.lacking(late) - self._with(terms, more))[..., None] / MISTAKEN
 
-    def of_body(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
+    def of_body(self, offer: Offer, about: tuple[float, ...]) -> FloatArray:
         """(N, C, P): what a mass, or a payload's mass and first moments about these values, change."""
-        key = (candidate.identity, about)
+        key = (offer.candidate.identity, about)
         if key not in self._found:
-            change = self._of_payload if candidate.family == "payload" else self._of_mass
-            self._found[key] = change(candidate, about)
+            change = {"payload": self._of_payload, HELD: self._of_gravity}.get(offer.family, self._of_mass)
+            self._found[key] = change(offer.candidate, about)
         return self._found[key]
 
     def _of_mass(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
         more = candidate.term((candidate.declared[0].none + OFF,))
         return (self.lacking(0.0) - self._with([more], self.motion.actions(0.0)))[..., None] / OFF
+
+    def _of_gravity(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
+        held = self._with([candidate.term((1.0,))], self.motion.actions(0.0))
+        return (self.lacking(0.0) - held)[..., None]
 
     def _of_payload(self, candidate: Candidate, about: tuple[float, ...]) -> FloatArray:
         declared, at_once = candidate.declared, self.motion.actions(0.0)
@@ -203,18 +255,18 @@ class Regression:
             return []
         late, parts = self._again(self._late([rows]), [rows])
         out = [self._hypothesis(*self._fitted(late, parts))]
-        about = {c: tuple(p.starts[0] for p in c.declared) for c in others}
-        left = [self.part(c, v, late) for c, v in about.items()]
+        left = [self.part(o, tuple(p.starts[0] for p in o.declared), late) for o in offered(others)]
         while left and len(parts) <= MOST and (more := self._one_more(late, parts, left)):
-            left.remove(more)
+            assert more.offer is not None
+            left = [p for p in left if p.offer and not p.offer.places & more.offer.places]
             late, parts = self._again(self._late([*parts, more]), [*parts, more])
         return [*out, self._hypothesis(*self._fitted(late, parts))] if len(parts) > 1 else out
 
     def _again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
         every, fit, late = self._fitted(late, parts)
-        about = {p.candidate: p.values(s) for p, s in _split(every, fit) if p.candidate}
-        return late, [parts[0], *(self.part(c, v, late) for c, v in about.items())]
+        about = {p.offer: p.values(s) for p, s in _split(every, fit) if p.offer}
+        return late, [parts[0], *(self.part(o, v, late) for o, v in about.items())]
 
     def _fitted(self, late: float, parts: Sequence[Part]) -> tuple[list[Part], Sized, float]:
         """Rows, bodies and how late commands come, fitted: all parts, their sizes, and how late then."""
@@ -266,20 +318,27 @@ class Regression:
         own = np.array([c.name == joint for c in coordinates])
         return self._columns((-acceleration * own)[..., None])
 
-    def part(self, candidate: Candidate, about: tuple[float, ...], late: float) -> Part:
+    def part(self, offer: Offer, about: tuple[float, ...], late: float) -> Part:
         """A body or a motor that is off: what it changes about these values."""
-        declared = candidate.declared
-        if candidate.family == "actuator_gain":
-            change, off = self._columns(self.forces.of_gain(candidate, late)), np.array([MISTAKEN])
-            return Part(candidate, change, -TWICE * off, TWICE * off, off, gain=True)
-        change, off = self._columns(self.forces.of_body(candidate, about)), np.array([OFF])
-        if candidate.family != "payload":
-            return Part(candidate, change, -TWICE * off, TWICE * off, off)
+        declared = offer.declared
+        if offer.of_command:
+            change = self._columns(self.forces.of_gain(offer, late))
+            if offer.family == GAIN:
+                off = np.array([MISTAKEN])
+                return Part(offer, change, -TWICE * off, TWICE * off, off, gain=True)
+            low, high = (np.array([edge]) for edge in FACTOR)
+            return Part(offer, change, low, high, np.array([UNKNOWN]), gain=True)
+        change, off = self._columns(self.forces.of_body(offer, about)), np.array([OFF])
+        if offer.family == HELD:
+            low, high = np.array([declared[0].low]), np.array([declared[0].high])
+            return Part(offer, change, low, high, np.ones(1))
+        if offer.family != "payload":
+            return Part(offer, change, -TWICE * off, TWICE * off, off)
         heavy = (declared[0].plausible or (0.0, declared[0].high))[1] / 2.0
         usual = np.array([heavy, *(heavy * p.scale for p in declared[1:])])
         moments = np.full(len(declared) - 1, np.inf)
         low, high = np.array([0.0, *-moments]), np.array([declared[0].high, *moments])
-        return Part(candidate, change, low, high, usual, np.array(about[1:]))
+        return Part(offer, change, low, high, usual, np.array(about[1:]))
 
     def _one_more(self, late: float, parts: Sequence[Part], left: Sequence[Part]) -> Part | None:
         """Of what is left what brings most evidence, where that is enough."""
@@ -287,6 +346,8 @@ class Regression:
         best, found = least_squares(lacks, every), None
         enough = best.evidence + ENOUGH
         for part in left:
+            if found and found.offer and found.offer.also:
+                break  # one make of servo comes first: it is asked first, and is likelier than one servo that differs
             fit = least_squares(lacks, [*every, part], best.left)
             if fit.evidence > enough and part.sensible(fit.sizes[-len(part.usual) :]):
                 enough, found = fit.evidence, part
@@ -296,8 +357,8 @@ class Regression:
         """The hypothesis that least squares say."""
         out = self.forces.rows.having(fit.sizes[: len(parts[0].usual)])
         for part, sizes in _split(parts, fit):
-            if part.candidate is not None:
-                out = child_of(out, part.candidate, part.values(sizes))
+            if part.offer is not None:
+                out = out.plus(part.offer.term(part.values(sizes)), part.offer.declared)
         if self.delays and late:
             first, *others = self.delays
             declared = first.declared[0]
@@ -312,7 +373,11 @@ def _split(parts: Sequence[Part], fit: Sized) -> list[tuple[Part, FloatArray]]:
 
 
 def least_squares(lacks: FloatArray, parts: Sequence[Part], left: FloatArray | None = None) -> Sized:
-    """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there."""
+    """Sizes of all parts by what is lacking (K, C), each joint weighed by what is left there.
+
+    A gain scales its motors' noise along with all that they are asked for: the density of what was measured counts as
+    often, or a smaller gain would always explain more.
+    """
     columns = np.concatenate([part.columns for part in parts])
     low, high, usual = (np.concatenate([getattr(p, n) for p in parts]) for n in ("low", "high", "usual"))
     count = np.maximum((lacks != 0.0).sum(axis=0), 1)  # rows that tell of each joint
@@ -321,18 +386,25 @@ def least_squares(lacks: FloatArray, parts: Sequence[Part], left: FloatArray | N
     left = whole + least if left is None else left
     scaled = columns * usual[:, None, None]
     grams, ways = np.einsum("pkc,qkc->cpq", scaled, scaled), np.einsum("pkc,kc->cp", scaled, lacks)
+    gains = np.concatenate([np.full(len(p.usual), p.gain) for p in parts])
+    largest = np.abs(columns).max(axis=1)
+    scales = np.where(gains, (largest > NOTHING * largest.max(axis=1, keepdims=True)) @ count, 0.0)
     sizes, precision = np.zeros(len(usual)), np.eye(len(usual))
-    for _ in range(ROUNDS):
-        precision = np.eye(len(usual)) + np.tensordot(1.0 / left, grams, 1)
+    for round_ in range(ROUNDS):
+        waits = SURE * (scales > 0) * (round_ < WAIT)
+        slope = usual / (1.0 + np.where(scales > 0, sizes * usual, 0.0))  # of the logarithm of a gain
+        precision = (
+            np.eye(len(usual)) + np.tensordot(1.0 / left, grams, 1) + np.diag(scales * slope**2 + waits)
+        )
         root = np.linalg.cholesky(precision)
-        said = np.linalg.solve(root, (ways / left[:, None]).sum(axis=0))
+        wanted = (ways / left[:, None]).sum(axis=0) + scales * slope * (1.0 + slope * sizes)
+        said = np.linalg.solve(root, wanted)
         sizes = np.linalg.solve(root.T, said)
         if (sizes * usual < low).any() or (sizes * usual > high).any():
             sizes = lsq_linear(root.T, said, (low / usual, high / usual)).x
         left = ((lacks - np.tensordot(sizes, scaled, 1)) ** 2).sum(axis=0) / count + least
-    gains = np.concatenate([np.full(len(p.usual), p.gain) for p in parts])
-    scale = 2.0 * len(lacks) * np.log1p((sizes * usual)[gains]).sum()  # noise is of what was measured
-    noise = count @ np.log(left) - scale
+    more = scales[scales > 0] @ np.log1p((sizes * usual)[scales > 0])
+    noise = count @ np.log(left) - 2.0 * more
     evidence = -0.5 * (noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
     return Sized(sizes * usual, left, float(evidence))
 
