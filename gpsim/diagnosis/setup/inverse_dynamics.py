@@ -42,6 +42,7 @@ ROW = 3.0  # times its usual start, that a joint's row may well be
 HELD, GAIN = "gravity_compensation", "actuator_gain"
 MASS, STIFF = ".mass", ".kp"
 """How the parameters of a MuJoCo model end that are masses of bodies, and gains of position servos."""
+SLIGHT = 0.01  # of a gain, below which filters and a clock's grid explain it as well
 UNKNOWN, FACTOR = 0.5, (-0.9, 2.0)  # by which a servo's gain is usually off, and may be: few makers say it
 
 
@@ -142,8 +143,10 @@ class Part:
     gain: bool = False
 
     def sensible(self, sizes: FloatArray) -> bool:
-        """Whether no bound holds it: a payload has its mass where its moments say, near its body."""
+        """Whether it is more than slight, and no bound holds it: a payload has its mass where its moments say, near its body."""
         assert self.offer is not None
+        if self.gain and abs(sizes[0]) < SLIGHT:
+            return False
         held = (sizes <= self.low + NOTHING * self.usual) | (sizes >= self.high)
         if held.any() or not len(self.centre):
             return not held.any()
