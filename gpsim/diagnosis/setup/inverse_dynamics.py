@@ -143,7 +143,7 @@ class Part:
     gain: bool = False
 
     def sensible(self, sizes: FloatArray) -> bool:
-        """Whether it is more than slight, and no bound holds it: a payload has its mass where its moments say, near its body."""
+        """Whether it is not slight nor held by a bound: a payload has its mass where its moments say, near its body."""
         assert self.offer is not None
         if self.gain and abs(sizes[0]) < SLIGHT:
             return False
