@@ -31,6 +31,15 @@ Anew = Annotated[
         "--anew", help="Somebody puts the machine back to rest before each piece: it need not return."
     ),
 ]
+Policy = Annotated[
+    Path | None,
+    typer.Option(
+        "--policy",
+        metavar="DIR",
+        help="A finished policy that steers the machine meanwhile: the plan is added to its commands.",
+        autocompletion=completion.policies,
+    ),
+]
 PLAN_USED = ("seed", "plan", "experiment", "runs_dir")
 
 
@@ -46,6 +55,7 @@ def plan_command(
     *,
     minutes: Minutes = 2.0,
     anew: Anew = False,
+    policy: Policy = None,
     out: Out = None,
     cores: Cores = None,
     given: PlanSetup,
@@ -65,7 +75,7 @@ def plan_command(
     from gpsim.stages.figures import paths_of
     from gpsim.stages.plan import plan_of, stage_for
 
-    made = setup.make(stage_for(diagnoses, minutes, anew), out, dry_run, cores=cores or CORES)
+    made = setup.make(stage_for(diagnoses, minutes, anew, policy), out, dry_run, cores=cores or CORES)
     if made is None:
         return
     artifact, existed = made

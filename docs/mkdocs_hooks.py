@@ -43,6 +43,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/speed.md",
     "method/blind_test.md",
     "method/proofs.md",
+    "method/after_the_loop.md",
     "method/scale.md",
 )
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")

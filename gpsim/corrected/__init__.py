@@ -1,7 +1,7 @@
 """Corrected simulators: the base with what recordings taught, by a Gaussian process or by named effects."""
 
 from gpsim.corrected.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
-from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from, value_key
 from gpsim.corrected.features import Feature, Features
 from gpsim.corrected.gp_plant import (
     PREDICTIONS,
@@ -36,4 +36,5 @@ __all__ = [
     "mean_rates",
     "plant_from",
     "settled_rows",
+    "value_key",
 ]

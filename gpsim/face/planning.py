@@ -28,6 +28,7 @@ def plan(
     rest_commands: Mapping[str, float] | None = None,
     settings: Mapping[str, Any] | None = None,
     anew: bool = False,
+    policy: str | Path | None = None,
     seed: int = 0,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> Plan:
@@ -43,6 +44,7 @@ def plan(
         rest_commands: action: the command at rest.
         settings: as in conf/plan/default.yaml: `{"piece": 4.0}`.
         anew: somebody puts the machine back to rest before each piece.
+        policy: folder of a finished policy that steers the machine meanwhile; `commands` are then added to its own.
         seed: of the search.
         progress: called as progress(done, total, note).
 
@@ -61,7 +63,7 @@ def plan(
         >>> plan.commands.shape, plan.safety.left
         ((150, 1), 0)
     """
-    from gpsim.stages.plan import planned  # with pages, which take a second to load
+    from gpsim.stages.plan import planned, steered_by  # with pages, which take a second to load
 
     if diagnosis.verdict == "none":
         raise UsageError("the verdict is none: nothing is missing, and there is nothing to plan for")
@@ -73,9 +75,11 @@ def plan(
     given = {key: dict(value) for key, value in stated.items() if value is not None}
     rng = generator(whole(seed, "seed"), "plan")
     plant = _plant(diagnosis)
-    made, _ = planned(
-        diagnosis.left_open, plant, {**(settings or {}), **given}, minutes, rng, progress, anew=anew
+    section, steer = (
+        {**(settings or {}), **given},
+        steered_by(None if policy is None else Path(policy), plant),
     )
+    made, _ = planned(diagnosis.left_open, plant, section, minutes, rng, progress, anew=anew, steer=steer)
     return made
 
 

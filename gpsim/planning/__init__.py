@@ -1,5 +1,6 @@
 """Planning: the commands to play next, so that explanations which a recording left open separate, and safely."""
 
+from gpsim.planning.around import Around, Steer
 from gpsim.planning.limits import STATED, Limits, limits_of
 from gpsim.planning.models import Machine
 from gpsim.planning.plan import Apart, Piece, Plan, Safety, make_plan
@@ -10,12 +11,14 @@ __all__ = [
     "FIXED",
     "STATED",
     "Apart",
+    "Around",
     "Limits",
     "Machine",
     "Piece",
     "Plan",
     "PlanSettings",
     "Safety",
+    "Steer",
     "limits_of",
     "make_plan",
 ]

@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Explanation
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, has_sensors, simulate, without_sensors
 from gpsim.diagnosis.run import Run
 from gpsim.effects import PRE_ROLL, Chain
+from gpsim.planning.around import Around
 from gpsim.simulators import Simulator
 
 AFTERWARDS = 2**31  # number of an episode that comes after all others
@@ -22,13 +24,17 @@ NUDGE, SMALLEST = 0.5, 1e-4  # of a standard deviation, and of a typical size: a
 
 @dataclass(frozen=True)
 class Machine:
-    """The simulator that explanations correct. substeps: of a control step of dt [s] where the scheme is fine."""
+    """The simulator that explanations correct. substeps: of a control step of dt [s] where the scheme is fine.
+
+    around: the policy that steers it while a plan is played; None where its commands are played as they are.
+    """
 
     simulator: Simulator
     parameters: Mapping[str, float]
     dt: float
     substeps: int
     run: Run
+    around: Around | None = None
 
     def chain(self, hypothesis: Hypothesis) -> Chain:
         """What simulates an explanation."""
@@ -43,12 +49,16 @@ class Machine:
 
 @dataclass(frozen=True)
 class Model:
-    """One explanation, simulated in C copies: the estimate, P beside it, then draws of the posterior."""
+    """One explanation, simulated in C copies: the estimate, P beside it, then draws of the posterior.
+
+    heard: (S,) standard deviation of the noise that a policy steers by; none where courses are compared.
+    """
 
     machine: Machine
     explanation: Explanation
     nudges: FloatArray  # (P,)
     thetas: FloatArray  # (C, P)
+    heard: FloatArray | float = 0.0
 
     @property
     def size(self) -> int:
@@ -64,8 +74,11 @@ class Model:
     ) -> tuple[FloatArray, FloatArray]:
         """(C, E, L + 1, S) twice: what the sensors would say, and the true states.
 
-        starts: (C, S); actions: (E, L, A), each after a long time of `idle` commands (A,); begin: s on the clock.
+        starts: (C, S); actions: (E, L, A), each after a long time of `idle` commands (A,), or dithers of a policy's;
+        begin: s on the clock.
         """
+        if self.machine.around is not None:
+            return self._steered(self.machine.around, starts, actions, begin)
         windows = _windows(starts, actions, idle, begin, self.machine.dt)
         everywhere = np.repeat(starts[:, None], len(actions), axis=1)
         hypothesis = self.explanation.hypothesis
@@ -78,6 +91,21 @@ class Model:
         ]
         columns = np.concatenate(kept) if kept else np.empty(0, dtype=np.bool_)
         return measured, self._simulated(self._bare, windows, everywhere, self.thetas[:, columns])
+
+    def _steered(
+        self, around: Around, starts: FloatArray, dithers: FloatArray, begin: float
+    ) -> tuple[FloatArray, FloatArray]:
+        machine, hypothesis = self.machine, self.explanation.hypothesis
+        plant = EffectsPlant(
+            machine.simulator,
+            machine.parameters,
+            hypothesis.terms,
+            hypothesis.scheme,
+            machine.substeps,
+            machine.dt,
+        )
+        noise = np.broadcast_to(self.heard, starts.shape[1:])
+        return around.driven(plant, hypothesis, self.thetas, starts, dithers, begin, noise)
 
     def _simulated(
         self, hypothesis: Hypothesis, windows: Windows, starts: FloatArray, thetas: FloatArray
@@ -100,11 +128,13 @@ def model_of(machine: Machine, explanation: Explanation, draws: int, rng: np.ran
     return Model(machine, explanation, nudges, thetas)
 
 
-def drawn_model(machine: Machine, explanation: Explanation, draws: int, rng: np.random.Generator) -> Model:
+def drawn_model(
+    machine: Machine, explanation: Explanation, draws: int, rng: np.random.Generator, heard: FloatArray
+) -> Model:
     """Draws of the posterior alone, the estimate first among them."""
     theta = explanation.hypothesis.theta
     thetas = np.concatenate([theta[None], explanation.drawn(rng, max(draws - 1, 0))])
-    return Model(machine, explanation, np.empty(0), thetas)
+    return Model(machine, explanation, np.empty(0), thetas, heard)
 
 
 def _windows(starts: FloatArray, actions: FloatArray, idle: FloatArray, begin: float, dt: float) -> Windows:

@@ -65,7 +65,10 @@ class Safety:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is played: t (K,) s, commands (K, A), episode (K,); courses: explanation -> (K, S) what it foresees."""
+    """What is played: t (K,) s, commands (K, A), episode (K,); courses: explanation -> (K, S) what it foresees.
+
+    dithers: whether the commands are added to those of a policy, in a closed loop.
+    """
 
     dt: float
     t: FloatArray
@@ -76,6 +79,7 @@ class Plan:
     safety: Safety
     courses: dict[str, FloatArray]
     anew: bool
+    dithers: bool
 
     @property
     def minutes(self) -> float:
@@ -131,10 +135,11 @@ def search_of(
     """What candidates are judged by."""
     found, names = posterior.explanations, machine.simulator.state.names
     each = -(-settings.checked // len(found))
+    heard = np.array([posterior.left.get(n, 0.0) for n in names])
     driven = max(round(settings.piece / machine.dt), FEWEST)
     return Search(
         tuple(model_of(machine, e, settings.draws, rng) for e in found),
-        tuple(drawn_model(machine, e, each, rng) for e in found),
+        tuple(drawn_model(machine, e, each, rng, heard) for e in found),
         np.array([posterior.noise.get(n, np.inf) for n in names]),
         limits,
         settings,
@@ -157,6 +162,12 @@ def _check_rest(search: Search) -> None:
     ends = np.concatenate([t[:, 0, -1] for t in tried.true])
     far = np.abs(ends - limits.rest).max(axis=0) / np.where(np.isfinite(limits.reach), limits.reach, np.inf)
     worst = int(np.argmax(far))
+    name, off = state.names[worst], np.abs(ends - limits.rest).max(axis=0)[worst]
+    if search.around is not None:
+        raise UsageError(
+            f"--policy: under some explanation it leaves the box or does not come back to rest, {name} ends {off:.3g} "
+            "off; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
+        )
     raise UsageError(
         f"plan.rest: left alone, the machine does not stay at rest: {state.names[worst]} goes from "
         f"{limits.rest[worst]:.3g} to {ends[np.argmax(np.abs(ends[:, worst] - limits.rest[worst])), worst]:.3g}; state "
@@ -214,7 +225,8 @@ def _put_together(
     }
     pairs = _apart(posterior, nats, fixed, minutes, search.settings.visible)
     safety = _safety(search, chosen)
-    return Plan(dt, t, commands, episode, pieces, pairs, safety, courses, search.anew)
+    dithers = search.around is not None
+    return Plan(dt, t, commands, episode, pieces, pairs, safety, courses, search.anew, dithers)
 
 
 def labels(explanations: Sequence[Explanation]) -> list[str]:

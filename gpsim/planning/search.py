@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.planning.around import Around
 from gpsim.planning.information import (
     POINTS,
     Sums,
@@ -51,7 +52,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class Tried:
-    """Candidates as they were simulated: commands (E, L, A), score (E,), said and true a model.
+    """Candidates as they were simulated: commands, or dithers (E, L, A), score (E,), said and true a model.
 
     steps (E,): after which every copy of every model is back at rest for good. The score is a minute of these.
     """
@@ -81,6 +82,16 @@ class Search:
     rng: np.random.Generator
     t: FloatArray = field(repr=False)  # (L,) s of the part of a piece that is driven
     settled: int = 0
+
+    @property
+    def around(self) -> Around | None:
+        """What steers the machine; then all that is played is a dither of its commands."""
+        return self.models[0].machine.around
+
+    @property
+    def still(self) -> FloatArray:
+        """(A,) what is played while nothing is asked of the machine."""
+        return self.limits.idle if self.around is None else np.zeros_like(self.limits.idle)
 
     def begin(self, unvisited: Unvisited) -> Situation:
         """Everything at rest."""
@@ -177,11 +188,11 @@ class Search:
         return replace(candidate, drive=np.clip(drive, -1.0, 1.0))
 
     def commands(self, candidates: Sequence[Candidate]) -> FloatArray:
-        """(E, L, A) within all limits."""
+        """(E, L, A) within all limits; of a plan around a policy how far they are from the idle ones."""
         limits, drive = self.limits, np.stack([c.drive for c in candidates])
         up, down = limits.high - limits.idle, limits.idle - limits.low
         wanted = limits.idle + np.where(drive > 0.0, drive * up, drive * down)
-        return limits.held(wanted, self.models[0].machine.dt)
+        return limits.held(wanted, self.models[0].machine.dt) - (limits.idle - self.still)
 
     def tried(self, at: Situation, candidates: Sequence[Candidate]) -> Tried:
         """Candidates, simulated and judged."""
@@ -212,7 +223,7 @@ class Search:
         count = commands.shape[1]
         if self.anew:
             return np.full(len(commands), count)
-        moved = (commands != self.limits.idle).any(axis=2)
+        moved = (commands != self.still).any(axis=2)
         quiet = _from_when(~moved) + self.settled // RESTED
         back = [self.limits.back(t, self.settings.returns).all(axis=0) for t in true]
         return np.minimum(np.maximum(quiet, _from_when(np.logical_and.reduce(back))), count)
@@ -245,9 +256,12 @@ class Search:
 
     def _visits(self, tried: Tried) -> FloatArray:
         """(E, POINTS, S + A) where the leader goes."""
-        course = tried.said[0][0]
         rows = np.linspace(0, tried.commands.shape[1] - 1, POINTS).astype(np.int64)
-        return np.concatenate([course[:, rows], tried.commands[:, rows]], axis=2)
+        course, commands = tried.said[0][0][:, rows], tried.commands[:, rows]
+        if self.around is not None:
+            steered = self.around.steer(course.reshape(-1, course.shape[2])).reshape(commands.shape)
+            commands = np.clip(steered + commands, self.limits.low, self.limits.high)
+        return np.concatenate([course, commands], axis=2)
 
 
 def _from_when(holds: BoolArray) -> IntArray:

@@ -66,6 +66,12 @@ class Policy:
         low, high = self.bounds
         return np.asarray(low + 0.5 * (np.tanh(mean) + 1.0) * (high - low))
 
+    def probabilities(self, observations: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(B, out) of each discrete action."""
+        logits = self.logits(observations).astype(np.float64)
+        shares = np.exp(logits - logits.max(axis=1, keepdims=True))
+        return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
     def to_arrays(self) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
         """Arrays and JSON-able metadata for disk."""
         arrays = {**self.weights, "scale": self.scale}

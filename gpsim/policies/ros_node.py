@@ -51,6 +51,7 @@ import csv
 import json
 import math
 import os
+import sys
 
 import numpy as np
 import rospy
@@ -152,6 +153,9 @@ def rows_of(path):
         rows = list(csv.DictReader(file))
     if len(rows) > 1 and abs(float(rows[1]["t"]) - float(rows[0]["t"]) - DT) > 1e-6:
         raise ValueError("%s: its commands are not %g s apart" % (path, DT))
+    if rows and "v_cmd" not in rows[0]:
+        print("%s: has no v_cmd; a plan around a policy is played by gpsim collect --plan" % path, file=sys.stderr)
+        sys.exit(2)
     return [(float(row["v_cmd"]), float(row["w_cmd"])) for row in rows]
 
 

@@ -34,6 +34,7 @@ def plan_facts(plan: Plan) -> dict[str, Any]:
         "minutes": plan.minutes,
         "dt": plan.dt,
         "anew": plan.anew,
+        "dithers": plan.dithers,
         "pieces": [vars(p) for p in plan.pieces],
         "pairs": [{**vars(p), "sensors": list(p.sensors)} for p in plan.pairs],
         "safety": vars(plan.safety),
@@ -48,6 +49,10 @@ def told(facts: Mapping[str, Any]) -> list[str]:
     ]
     if facts["anew"]:
         lines.append("Before each piece the machine is put back to rest by hand; each is an episode.")
+    if facts["dithers"]:
+        lines.append(
+            "A policy steers meanwhile: what is played is its command plus the plan's, within the limits."
+        )
     if not pairs:
         lines.append("There is one explanation: the plan is for its parameters.")
     for pair in pairs:
@@ -122,7 +127,8 @@ def plan_figure(plan: Plan, state: Channels, action: Channels, box: Mapping[str,
         for i, channel in enumerate(action):
             axis = axes[i, 0]
             axis.step(t, plan.commands[:, i], where="post", color="#333333", linewidth=1.0)
-            axis.set_ylabel(named(channel.name, unit(channel.unit), LABEL))
+            name = f"{channel.name}, added" if plan.dithers else channel.name
+            axis.set_ylabel(named(name, unit(channel.unit), LABEL))
         for i, channel in enumerate(state):
             axis = axes[len(action) + i, 0]
             for k, (label, course) in enumerate(plan.courses.items()):

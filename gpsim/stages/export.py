@@ -25,7 +25,7 @@ from gpsim.simulators import SIMULATORS, Integrator, Simulator
 from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 from gpsim.stages.diagnosis_files import correction_of, sentences, went
-from gpsim.stages.policy_files import read_policy, survival_lines
+from gpsim.stages.policy_files import policy_artifact, read_policy, survival_lines
 from gpsim.stages.stage import Request, new_place
 from gpsim.tasks import GoalReaching
 
@@ -92,11 +92,7 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     path: an artifact of train-source or train-gp-policy; watched: how the node's monitor is configured. Returns
     sentences about what was written.
     """
-    artifact = read_artifact(path)
-    if artifact.stage not in ("train-source", "train-gp-policy"):
-        raise UsageError(
-            f"{path}: made by '{artifact.stage}', expected a policy of train-source or train-gp-policy"
-        )
+    artifact = policy_artifact(path)
     new_place(out)
     policy, config = read_policy(path), artifact.manifest["config"]
     has_node = config["task"]["name"] == "goal"

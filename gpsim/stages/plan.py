@@ -18,32 +18,44 @@ from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.diagnosis.run import Run, cores
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain
-from gpsim.planning import STATED, Limits, Machine, Plan, PlanSettings, limits_of, make_plan
+from gpsim.planning import STATED, Around, Limits, Machine, Plan, PlanSettings, Steer, limits_of, make_plan
 from gpsim.recordings import Episode, read_yaml, write_recording
 from gpsim.settings import build
 from gpsim.simulators import Plant, Simulator
 from gpsim.stages.building import base_plant, recording_of, target_plant
 from gpsim.stages.diagnose import read_corrected, read_diagnosis, read_left_open
+from gpsim.stages.policy_files import policy_artifact, read_policy, write_policy
 from gpsim.stages.stage import SOURCES, Progress, Request, Stage, blamed, generator, silent, stage_about
+from gpsim.stages.steering import SAME, policy_for, steering
 
 FORMAT = 1
 COMMANDS, FACTS, PAGE = "plan.csv", "plan.yaml", "report.html"
 SCHEMA = "gpsim.plan/1"
-SAME = 1e-6  # relative difference of two control steps that is rounding
+DITHER = "_dither"
+"""Behind the names of the commands in plan.csv that are added to those of a policy."""
 
 
 @dataclass(frozen=True)
 class Played:
-    """A finished plan: commands (K, A) in episodes, the state in which each begins; facts: all of plan.yaml."""
+    """A finished plan: commands (K, A) in episodes, the state in which each begins; facts: all of plan.yaml.
+
+    around: what they are dithers of; None where they are played as they are.
+    """
 
     commands: tuple[FloatArray, ...]
     start: FloatArray
     facts: Mapping[str, Any]
+    around: Around | None
 
 
-def stage_for(diagnoses: Sequence[Path], minutes: float, anew: bool = False) -> Stage:
-    """The stage for finished diagnoses of one machine, whose explanations are told apart together."""
-    return stage_about("plan", _recipe, _write, diagnoses, minutes, anew, format=FORMAT, code=SOURCES)
+def stage_for(
+    diagnoses: Sequence[Path], minutes: float, anew: bool = False, policy: Path | None = None
+) -> Stage:
+    """The stage for finished diagnoses of one machine, whose explanations are told apart together.
+
+    policy: a finished policy that the machine is steered by meanwhile.
+    """
+    return stage_about("plan", _recipe, _write, diagnoses, minutes, anew, policy, format=FORMAT, code=SOURCES)
 
 
 def planned(
@@ -55,14 +67,26 @@ def planned(
     progress: Progress | None = None,
     processes: int = 1,
     anew: bool = False,
+    steer: Steer | None = None,
 ) -> tuple[Plan, Limits]:
     """The plan of a posterior under the settings and limits of a section; raises UsageError."""
     settings = build(PlanSettings, {k: v for k, v in section.items() if k not in STATED}, "plan")
     stated = {k: section[k] for k in STATED if k in section}
     limits = limits_of(stated, plant.simulator, posterior.visited)
     with blamed(plant.simulator.name), cores(processes) as workers:
-        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(workers))
+        around = None
+        if steer is not None:
+            around = Around(steer, limits.low, limits.high, limits.rate, limits.idle, plant.dt)
+        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(workers), around)
         return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
+
+
+def steered_by(policy: Path | None, plant: EffectsPlant) -> Steer | None:
+    """What a finished policy commands of this machine; raises UsageError for one that cannot."""
+    if policy is None:
+        return None
+    made = policy_for(policy, plant.simulator, plant.dt)
+    return steering(made.path, made.manifest["config"])
 
 
 def together(posteriors: Sequence[LeftOpen]) -> LeftOpen:
@@ -79,7 +103,6 @@ def read_plan(folder: Path, simulator: Simulator, dt: float) -> Played:
     """A finished plan for this simulator at this control step; raises UsageError."""
     path = read_artifact(folder, "plan").path
     facts = read_yaml(path / FACTS)
-    names = list(simulator.action.names)
     if facts["action"] != simulator.action.units or facts["state"] != simulator.state.units:
         raise UsageError(
             f"--plan {folder}: is of {facts['simulator']}, whose channels are not those of {simulator.name}"
@@ -91,16 +114,33 @@ def read_plan(folder: Path, simulator: Simulator, dt: float) -> Played:
     table = pd.read_csv(path / COMMANDS)
     episodes = table.groupby("episode", sort=True) if "episode" in table else [(0, table)]
     start = np.array([facts["rest"][name] for name in simulator.state.names])
-    return Played(tuple(part[names].to_numpy(dtype=np.float64) for _, part in episodes), start, facts)
+    around = _around(path, facts, simulator) if "policy" in facts else None
+    names = [name + (DITHER if around else "") for name in simulator.action.names]
+    return Played(tuple(part[names].to_numpy(dtype=np.float64) for _, part in episodes), start, facts, around)
 
 
-def _recipe(request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool) -> Recipe:
+def _around(folder: Path, facts: Mapping[str, Any], simulator: Simulator) -> Around:
+    """The policy that lies beside a plan, under the limits that the plan states."""
+    names = simulator.action.names
+    low, high = np.array([facts["commands"][name] for name in names], dtype=np.float64).T
+    rate, idle = (
+        np.array([facts[key][n] for n in names], dtype=np.float64) for key in ("rates", "rest_commands")
+    )
+    rate[np.isnan(rate)] = np.inf  # YAML has no infinite number: none is stated
+    return Around(steering(folder, facts["policy"]), low, high, rate, idle, facts["dt"])
+
+
+def _recipe(
+    request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
+) -> Recipe:
     if not minutes > 0.0:
         raise UsageError(f"--minutes: expected more than 0, got {minutes:g}")
-    _plant(diagnoses)
+    plant = _plant(diagnoses)
     made = {
         f"diagnosis_{i}" if i else "diagnosis": read_artifact(d, "diagnose") for i, d in enumerate(diagnoses)
     }
+    if policy is not None:
+        made["policy"] = policy_for(policy, plant.simulator, plant.dt)
     config = {**request.section("plan"), "minutes": minutes, "anew": anew}
     return Recipe("plan", config, made, {"seed": request.seed})
 
@@ -122,15 +162,21 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
     return plants[0]
 
 
-def _write(request: Request, folder: Path, diagnoses: Sequence[Path], minutes: float, anew: bool) -> Json:
+def _write(
+    request: Request, folder: Path, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
+) -> Json:
     from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
     section, rng = request.config["plan"], generator(request.seed, "plan")
-    plan, limits = planned(posterior, plant, section, minutes, rng, request.progress, request.cores, anew)
+    steer = steered_by(policy, plant)
+    plan, limits = planned(
+        posterior, plant, section, minutes, rng, request.progress, request.cores, anew, steer
+    )
     state, action = plant.simulator.state, plant.simulator.action
     table: dict[str, Any] = {"episode": plan.episode.astype(int)} if anew else {}
-    table |= {"t": np.round(plan.t, 9)} | {n: plan.commands[:, i] for i, n in enumerate(action.names)}
+    what = DITHER if policy else ""
+    table |= {"t": np.round(plan.t, 9)} | {n + what: plan.commands[:, i] for i, n in enumerate(action.names)}
     pd.DataFrame(table).to_csv(folder / COMMANDS, index=False, lineterminator="\n")
     box = {n: [limits.box_low[i], limits.box_high[i]] for i, n in enumerate(state.names)}
     facts = {
@@ -142,13 +188,24 @@ def _write(request: Request, folder: Path, diagnoses: Sequence[Path], minutes: f
         "rates": {n: limits.rate[i] for i, n in enumerate(action.names)},
         "box": box,
         "rest": {n: limits.rest[i] for i, n in enumerate(state.names)},
+        "rest_commands": {n: limits.idle[i] for i, n in enumerate(action.names)},
         **plan_facts(plan),
     }
+    if policy is not None:
+        facts["policy"] = _kept(policy, folder)
     text = yaml.safe_dump(plain(facts), sort_keys=False, allow_unicode=True)
     (folder / FACTS).write_text(text, encoding="utf-8")
     finite = {n: [v for v in edges if np.isfinite(v)] for n, edges in box.items()}
     (folder / PAGE).write_text(plan_page(plan, state, action, finite), encoding="utf-8")
     return {}
+
+
+def _kept(policy: Path, folder: Path) -> Json:
+    """Put a policy beside its plan, which can then be played where the policy is not; what plan.yaml says of it."""
+    made = policy_artifact(policy)
+    write_policy(folder, read_policy(made.path))
+    config = made.manifest["config"]
+    return {"sha256": made.digest, "simulator": config["simulator"], "task": config["task"]}
 
 
 def plan_of(artifact: Artifact) -> Mapping[str, Any]:
@@ -176,7 +233,7 @@ def _play(request: Request, folder: Path, plan: Path) -> Json:
     played, base, target = _opened(request, plan), base_plant(request.config), target_plant(request.config)
     rng = generator(request.seed, "collect/episodes")
     episodes = tuple(
-        _episode(target, str(i), played.start, commands, rng) for i, commands in enumerate(played.commands)
+        _episode(target, str(i), played, commands, rng) for i, commands in enumerate(played.commands)
     )
     recording = recording_of(base, episodes, "plan", request.seed)
     write_recording(recording, folder)
@@ -184,11 +241,18 @@ def _play(request: Request, folder: Path, plan: Path) -> Json:
 
 
 def _episode(
-    target: Plant, name: str, start: FloatArray, commands: FloatArray, rng: np.random.Generator
+    target: Plant, name: str, played: Played, commands: FloatArray, rng: np.random.Generator
 ) -> Episode:
-    state, memory = start[None].copy(), target.begin(1, rng)
-    seen = [target.measure(state, memory, rng)[0]]
-    for command in commands:
-        state = target.step(state, command[None], memory, rng)
+    state, memory = played.start[None].copy(), target.begin(1, rng)
+    seen: list[FloatArray] = [target.measure(state, memory, rng)[0]]
+    done: list[FloatArray] = []
+    for wanted in commands[:, None]:
+        command = wanted
+        if played.around is not None:
+            last = done[-1][None] if done else played.around.idle[None]
+            command = played.around.command(seen[-1][None], wanted, last)
+        state = target.step(state, command, memory, rng)
         seen.append(target.measure(state, memory, rng)[0])
-    return Episode(name, target.dt * np.arange(len(commands) + 1, dtype=np.float64), np.stack(seen), commands)
+        done.append(command[0])
+    t = target.dt * np.arange(len(commands) + 1, dtype=np.float64)
+    return Episode(name, t, np.stack(seen), np.stack(done))

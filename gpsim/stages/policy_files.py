@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
+from gpsim.artifacts import Artifact, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import (
     CommandFilter,
@@ -87,6 +88,16 @@ def _survival(entry: dict[str, Any]) -> str:
 def write_policy(folder: Path, policy: Policy) -> None:
     """policy.safetensors and policy.json."""
     _write(folder, "policy", *policy.to_arrays())
+
+
+def policy_artifact(folder: Path) -> Artifact:
+    """A finished policy; raises UsageError for another artifact."""
+    artifact = read_artifact(folder)
+    if artifact.stage not in ("train-source", "train-gp-policy"):
+        raise UsageError(
+            f"{folder}: made by '{artifact.stage}', expected a policy of train-source or train-gp-policy"
+        )
+    return artifact
 
 
 def read_policy(folder: Path) -> Policy:

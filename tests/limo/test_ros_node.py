@@ -145,3 +145,15 @@ def test_the_node_plays_a_plan_within_its_limit(node, tmp_path):
     path.write_text("t,v_cmd,w_cmd\n0.0,0.1,0.5\n0.02,0.2,-0.5\n")
     with pytest.raises(ValueError, match="not 0.1 s apart"):
         node["Driver"]()
+
+
+def test_the_node_refuses_a_plan_that_is_played_around_a_policy(node, tmp_path, capsys):
+    path = tmp_path / "plan.csv"
+    path.write_text("t,v_cmd_dither,w_cmd_dither\n0.0,0.1,0.5\n0.1,0.2,-0.5\n")
+    sys.modules["rospy"].parameters["~plan"] = str(path)
+    with pytest.raises(SystemExit) as ended:
+        node["Driver"]()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert "gpsim collect --plan" in said
+    assert said.count("\n") == 1

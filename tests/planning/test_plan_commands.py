@@ -15,6 +15,8 @@ from made_posteriors import driven
 
 import gpsim
 from gpsim.artifacts import Recipe, Store
+from gpsim.policies import Policy
+from gpsim.stages.policy_files import write_policy
 
 SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
 ASKED = {"only": ["viscous_friction", "spring"]}
@@ -162,6 +164,71 @@ def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
     code, _, error = called(monkeypatch, capfd, *words, "simulator.dt=0.01", "target.dt=0.01")
     assert code == 2
     assert "one command every 0.02 s" in error
+
+
+CARTPOLE = {
+    "simulator": {"name": "cartpole", "dt": 0.02, "integrator": "euler", "parameters": {}},
+    "task": {"name": "balance"},
+}
+
+
+def upright_policy(tmp_path):
+    """A finished policy that pushes to the right with the more certainty the further the pole leans there."""
+    gains = np.array([[1.0, 2.0, 30.0, 6.0]], dtype=np.float32)
+    weights = {
+        "layer.0.weight": np.vstack([-0.1 * gains, 0.1 * gains]),
+        "layer.0.bias": np.zeros(2, np.float32),
+    }
+    policy = Policy(weights, np.ones(4, np.float32))
+    recipe = Recipe("train-source", CARTPOLE, {}, {})
+    Store(tmp_path, "").publish(recipe, lambda folder: write_policy(folder, policy), out=tmp_path / "policy")
+    return tmp_path / "policy", policy
+
+
+def test_a_stand_in_plays_a_plan_around_the_policy_that_lies_beside_it(tmp_path, monkeypatch, capfd):
+    _, policy = upright_policy(tmp_path)
+    state = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}
+    dithers = 1.5 * np.sign(np.sin(0.2 * np.arange(300)))
+    facts = {
+        "schema": "gpsim.plan/1", "simulator": "cartpole", "dt": 0.02, "state": state, "action": {"force": "N"},
+        "rest": dict.fromkeys(state, 0.0), "commands": {"force": [-4.0, 4.0]}, "rates": {"force": None},
+        "rest_commands": {"force": 0.0}, "policy": {"sha256": "0" * 64, **CARTPOLE},
+    }  # fmt: skip
+
+    def write(folder):
+        table = pd.DataFrame({"t": 0.02 * np.arange(300), "force_dither": dithers})
+        table.to_csv(folder / "plan.csv", index=False)
+        (folder / "plan.yaml").write_text(yaml.safe_dump(facts))
+        write_policy(folder, policy)
+
+    Store(tmp_path, "").publish(Recipe("plan", {}, {}, {}), write, out=tmp_path / "plan")
+    words = (
+        "collect",
+        "experiment=cartpole",
+        "target.friction=0.02",
+        "--plan",
+        tmp_path / "plan",
+        "--out",
+        "played",
+    )
+    code, _, error = called(monkeypatch, capfd, *words)
+    assert code == 0, error
+    (episode,) = gpsim.read_recording("played").episodes
+    assert np.abs(episode.states[:, 2]).max() < 0.2  # 6 s: without the policy the pole has long fallen
+    wanted = 10.0 * np.tanh(0.1 * (episode.states[:-1] @ [1.0, 2.0, 30.0, 6.0])) + dithers
+    assert episode.actions[:, 0] == pytest.approx(np.clip(wanted, -4.0, 4.0), abs=1e-4)
+
+
+def test_a_policy_of_another_machine_and_what_is_no_policy_are_refused(found, tmp_path, monkeypatch, capfd):
+    for folder, said in (
+        (upright_policy(tmp_path)[0], "channels are not those"),
+        (found, "expected a policy"),
+    ):
+        code, _, error = called(monkeypatch, capfd, "plan", found, "--policy", folder, "--out", "made")
+        assert code == 2
+        assert said in error
+        assert error.strip().count("\n") == 0
+        assert not Path("made").exists()
 
 
 def test_a_log_that_is_none_is_refused(found, tmp_path, monkeypatch, capfd):
