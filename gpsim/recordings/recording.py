@@ -24,6 +24,7 @@ class Episode:
     actions: (K, A); actions[k] is what was commanded from t[k] to t[k + 1].
     weights: (K + 1, S) what each sample counts where a simulator is compared with it, 0 if nothing; None: all alike. A
     file does not hold them. source: of a joined recording, the place in its `sources` of the recording it is from.
+    poses: (K + 1, P) what somebody else saw of it, NaN where nothing; None: nobody looked.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Episode:
     actions: FloatArray
     weights: FloatArray | None = None
     source: int = 0
+    poses: FloatArray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.t)
@@ -104,7 +106,8 @@ class Recording:
     compared with (`model`: the file of one that is a MuJoCo model); `noise` is the known measurement noise (standard
     deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
     kept as it is. sources: the recordings that it was joined from, none of one by itself; each holds out its own part
-    unless `held_out` of the whole says otherwise.
+    unless `held_out` of the whole says otherwise. poses: columns of the file that are neither state nor action, but
+    where a motion capture saw something (`gpsim.recordings.poses`); only a diagnosis of a model looks at them.
     """
 
     system: str
@@ -121,6 +124,7 @@ class Recording:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     model: str | None = None
     sources: tuple[Source, ...] = ()
+    poses: Channels = Channels(())
 
     def __post_init__(self) -> None:
         if not self.episodes:
@@ -176,17 +180,24 @@ def joined(recordings: Sequence[Recording], names: Sequence[str]) -> Recording:
     first = recordings[0]
     for recording, name in zip(recordings[1:], names[1:], strict=True):
         _check_alike(first, recording, names[0], name)
+    seen = first.poses if all(r.poses == first.poses for r in recordings) else Channels(())
     stated = [n for n in first.noise if all(n in r.noise for r in recordings)]
     return replace(
         first,
         episodes=tuple(
-            replace(episode, name=f"{name}/{episode.name}", source=place)
+            replace(
+                episode,
+                name=f"{name}/{episode.name}",
+                source=place,
+                poses=episode.poses if len(seen) else None,
+            )
             for place, (recording, name) in enumerate(zip(recordings, names, strict=True))
             for episode in recording.episodes
         ),
         clock="episode",
         noise={n: max(r.noise[n] for r in recordings) for n in stated},
         held_out=None,
+        poses=seen,
         sources=tuple(Source(n, r.held_out) for n, r in zip(names, recordings, strict=True)),
     )
 
