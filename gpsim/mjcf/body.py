@@ -29,8 +29,8 @@ LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording s
 class Body:
     """A compiled model with its names, parameters, and the batches that step it in this process.
 
-    base: MuJoCo's own, its geometry corrected if that is known. model: commands are not clamped in it, since effects act on clamped ones, and nothing
-    in it relies on where a body's centre of mass happens to be.
+    base: MuJoCo's own, its geometry corrected if that is known. model: commands are not clamped in it, since effects
+    act on clamped ones, and nothing in it relies on where a body's centre of mass happens to be.
     """
 
     loaded: Loaded
@@ -65,8 +65,8 @@ def body_of(
 ) -> Body:
     """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot.
 
-    exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch; geometry: by what
-    it is off.
+    exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch; geometry: by
+    what that of the model is off.
     """
     mj, base = mujoco(), loaded.model
     where = loaded.source.reference

@@ -32,7 +32,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class Slopes:
-    """By how much points (N, T, 3, P) move, and axes turn (N, T, 3, P) rad about the frame's axes, a unit of a place."""
+    """By how much points (N, T, 3, P) move, and axes turn (N, T, 3, P) rad in the frame, a unit of a place."""
 
     points: FloatArray
     axes: FloatArray
@@ -88,7 +88,7 @@ class Kinematics:
         shape = (*passed.points.shape, len(self.places))
         points, axes = np.zeros(shape), np.zeros(shape)
         for i, place in enumerate(self.places):
-            for k, target in enumerate(self.targets):
+            for k in range(len(self.targets)):
                 found = self._slope(model, place, k, passed, values)
                 if found is not None:
                     points[:, k, :, i], axes[:, k, :, i] = found[0] @ turn.T, found[1] @ turn.T
@@ -135,7 +135,9 @@ class Kinematics:
 
     def _moved(self, values: FloatArray) -> Any:
         model = copy.copy(self.body.base)
-        written(model, self.body.names, [Moved(p, float(v)) for p, v in zip(self.places, values, strict=True)])
+        written(
+            model, self.body.names, [Moved(p, float(v)) for p, v in zip(self.places, values, strict=True)]
+        )
         return model
 
     def _passed(self, model: Any, qpos: FloatArray, values: FloatArray) -> _Passed:
@@ -144,8 +146,8 @@ class Kinematics:
         xpos, xmat = np.empty((count, model.nbody, 3)), np.empty((count, model.nbody, 9))
         anchor, axis = np.empty((count, model.njnt, 3)), np.empty((count, model.njnt, 3))
         sites, frames = np.empty((count, model.nsite, 3)), np.empty((count, model.nsite, 9))
-        held = ((xpos, data.xpos), (xmat, data.xmat), (anchor, data.xanchor), (axis, data.xaxis))
-        held = (*held, (sites, data.site_xpos), (frames, data.site_xmat))
+        held = [(xpos, data.xpos), (xmat, data.xmat), (anchor, data.xanchor), (axis, data.xaxis)]
+        held += [(sites, data.site_xpos), (frames, data.site_xmat)]
         where = data.qpos
         for n, q in enumerate(qpos):
             where[:] = q
@@ -153,7 +155,9 @@ class Kinematics:
             for out, now in held:
                 out[n] = now
         of_bodies, of_sites = xmat.reshape(count, -1, 3, 3), frames.reshape(count, -1, 3, 3)
-        points = np.stack([sites[:, t.site] if t.site >= 0 else xpos[:, t.body] for t in self.targets], axis=1)
+        points = np.stack(
+            [sites[:, t.site] if t.site >= 0 else xpos[:, t.body] for t in self.targets], axis=1
+        )
         axes = np.stack(
             [of_sites[:, t.site] if t.site >= 0 else of_bodies[:, t.body] for t in self.targets], axis=1
         )

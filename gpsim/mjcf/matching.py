@@ -55,7 +55,9 @@ def _poses(recording: Recording, simulator: MjcfSimulator) -> tuple[Channels, li
     poses = pose_channels(list(dict.fromkeys(names)), own)
     if not len(poses):
         return poses, [None] * len(recording.episodes)
-    return poses, [np.stack([_column(e, recording, n) for n in poses.names], axis=1) for e in recording.episodes]
+    return poses, [
+        np.stack([_column(e, recording, n) for n in poses.names], axis=1) for e in recording.episodes
+    ]
 
 
 def _column(episode: Episode, recording: Recording, name: str) -> FloatArray:

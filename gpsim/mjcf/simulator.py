@@ -53,7 +53,9 @@ class MjcfSimulator(Simulator):
     ) -> None:
         self._exact, self._contacts, self._geometry = exact, contacts, geometry
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
-        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact, contacts, geometry)
+        self._body = _body(
+            loaded.source.reference, loaded.source.digest, self._held, exact, contacts, geometry
+        )
         names = self._body.names
         every = state or names.state
         self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]

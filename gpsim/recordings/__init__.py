@@ -24,6 +24,7 @@ from gpsim.recordings.recording import (
     apart,
     evenly,
     joined,
+    without_poses,
 )
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.values import check_channels, check_name, one_line
@@ -37,5 +38,5 @@ __all__ = [
     "export", "find_bad_rows", "find_logs", "finds_all", "gaps", "guess", "import_logs", "inspect_log",
     "is_bag_folder", "joined", "listed", "merged", "one_line", "open_log", "parse_mapping", "parse_yaml",
     "pieces", "pose_channels", "read_bare_table", "read_recording", "read_yaml", "recording_of", "start_times",
-    "steps_to_next", "write_mcap", "write_recording", "write_table",
+    "steps_to_next", "without_poses", "write_mcap", "write_recording", "write_table",
 ]  # fmt: skip

@@ -13,6 +13,8 @@ from gpsim.errors import UsageError
 from gpsim.recordings.values import Number, Sound, share_of, within
 
 Clock = Literal["session", "episode"]
+UNSEEN = Channels(())
+"""Of a recording whose robot nobody else looked at."""
 Velocities = Literal["measured", "differentiated"]
 
 
@@ -124,7 +126,7 @@ class Recording:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     model: str | None = None
     sources: tuple[Source, ...] = ()
-    poses: Channels = Channels(())
+    poses: Channels = UNSEEN
 
     def __post_init__(self) -> None:
         if not self.episodes:
@@ -168,6 +170,14 @@ def evenly(count: int, most: int) -> IntArray:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
+def without_poses(recording: Recording) -> Recording:
+    """The recording as nobody else saw it."""
+    if not len(recording.poses):
+        return recording
+    alone = tuple(replace(episode, poses=None) for episode in recording.episodes)
+    return replace(recording, poses=UNSEEN, episodes=alone)
+
+
 SAME_STEP = 0.05  # relative difference of two recordings' steps that the clocks of one machine may make
 
 
@@ -180,7 +190,7 @@ def joined(recordings: Sequence[Recording], names: Sequence[str]) -> Recording:
     first = recordings[0]
     for recording, name in zip(recordings[1:], names[1:], strict=True):
         _check_alike(first, recording, names[0], name)
-    seen = first.poses if all(r.poses == first.poses for r in recordings) else Channels(())
+    seen = first.poses if all(r.poses == first.poses for r in recordings) else UNSEEN
     stated = [n for n in first.noise if all(n in r.noise for r in recordings)]
     return replace(
         first,

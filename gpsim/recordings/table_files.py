@@ -19,7 +19,7 @@ from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
 from gpsim.recordings.poses import pose_values
-from gpsim.recordings.recording import Episode
+from gpsim.recordings.recording import UNSEEN, Episode
 from gpsim.recordings.values import LARGEST, LONGEST_LINE, check_columns, check_name, one_line
 
 PARQUET: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
@@ -118,7 +118,7 @@ def _csv_names(path: Path) -> list[str]:
 
 
 def episodes_of(
-    frame: pd.DataFrame, where: str, state: Channels, action: Channels, poses: Channels = Channels(())
+    frame: pd.DataFrame, where: str, state: Channels, action: Channels, poses: Channels = UNSEEN
 ) -> tuple[Episode, ...]:
     """The episodes of a table with the columns episode, t, `state`, `action` and `poses`; where: its name in messages.
 

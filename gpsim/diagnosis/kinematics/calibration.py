@@ -66,10 +66,8 @@ def calibrate(recording: Recording, simulator: MjcfSimulator) -> Calibration | N
     if chosen and not any(e.after < e.placed for e in error.values()):
         chosen, fit = (), placed
         linear, error = Linear.of(problem, placed, share), _errors(problem, placed, placed, whole)
-    told = _told(problem, linear, chosen, (whole, fit), error)
-    moved = tuple(
-        Moved(problem.kinematics.places[i], float(fit.theta[i])) for i in chosen
-    )
+    told = _told(problem, linear, chosen, fit, error)
+    moved = tuple(Moved(problem.kinematics.places[i], float(fit.theta[i])) for i in chosen)
     return Calibration(told, moved)
 
 
@@ -149,9 +147,12 @@ def _rms(values: FloatArray) -> float:
 
 
 def _told(
-    problem: Problem, linear: Linear, chosen: Sequence[int], fits: tuple[Fit, Fit], error: dict[str, ToolError]
+    problem: Problem,
+    linear: Linear,
+    chosen: Sequence[int],
+    fit: Fit,
+    error: dict[str, ToolError],
 ) -> Told:
-    whole, fit = fits
     every = (*linear.nuisance, *chosen)
     _, deviations = linear.estimates(every)
     sizes = dict(zip(every, deviations, strict=True))
@@ -170,7 +171,9 @@ def _told(
             )
             for c, exact in others
         )
-        found.append(GeometryFound(place=_place(problem, i), size=estimate, model=i in chosen, instead=instead))
+        found.append(
+            GeometryFound(place=_place(problem, i), size=estimate, model=i in chosen, instead=instead)
+        )
     samples = problem.samples
     return Told(
         targets=samples.names,

@@ -77,7 +77,7 @@ class Linear:
         at = list(numbers)
         matrix = self.normal[np.ix_(at, at)] + np.diag(self.usual[at] ** -2)
         root = np.linalg.cholesky(matrix)
-        return root, np.linalg.solve(root, self.pull[at])
+        return np.asarray(root), np.asarray(np.linalg.solve(root, self.pull[at]))
 
     @cached_property
     def candidates(self) -> tuple[int, ...]:

@@ -175,7 +175,10 @@ def _matrices(quats: FloatArray) -> FloatArray:
 
 def _vector(turns: FloatArray) -> FloatArray:
     """(N, 3) rad: rotation vectors of matrices (N, 3, 3), through the sine near 0."""
-    odd = 0.5 * np.stack([turns[:, 2, 1] - turns[:, 1, 2], turns[:, 0, 2] - turns[:, 2, 0], turns[:, 1, 0] - turns[:, 0, 1]], axis=1)
+    odd = 0.5 * np.stack(
+        [turns[:, 2, 1] - turns[:, 1, 2], turns[:, 0, 2] - turns[:, 2, 0], turns[:, 1, 0] - turns[:, 0, 1]],
+        axis=1,
+    )
     sine = np.linalg.norm(odd, axis=1, keepdims=True)
     angle = np.arctan2(sine, 0.5 * (np.trace(turns, axis1=1, axis2=2)[:, None] - 1.0))
     return np.asarray(odd * np.where(sine > LEAST, angle / np.maximum(sine, LEAST), 1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.mjcf import MjcfSimulator
 from gpsim.recordings import PLACE, TURN, Episode, Recording, evenly, gaps, pieces
 
@@ -38,7 +38,7 @@ class Samples:
     names: tuple[str, ...]
     turned: tuple[bool, ...]
     t: FloatArray
-    piece: FloatArray
+    piece: IntArray
     pieces: tuple[Piece, ...]
     points: FloatArray
     quats: FloatArray
