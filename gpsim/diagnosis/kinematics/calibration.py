@@ -28,8 +28,8 @@ from gpsim.mjcf import Kinematics, MjcfSimulator, Moved
 from gpsim.recordings import Recording, evenly
 
 AGAIN = 5  # times that all is linearised anew
-LATEST, DELAYS = 2.5, 41  # of the usual delay, either way, and how many are tried
-FEW = 300  # samples by which a first delay is sought
+LATEST, DELAYS = 2.5, 21  # of the usual delay, either way, and how many are tried
+FEW = 200  # samples by which a first delay is sought
 FAR = 0.3  # of how far the sites travel: a frame further off is first put in place as a whole
 NINETY = 1.645  # standard deviations of a normal error, in which 90 % lie
 MOST = 4  # that are told in a number's place
@@ -117,7 +117,7 @@ def _left(problem: Problem, start: FloatArray, delay: float) -> float:
     """What one step of least squares leaves at a delay."""
     theta = start.copy()
     theta[-1] = delay
-    residual, slopes = problem.residual(theta), problem.slopes(theta)[..., :-1]
+    residual, slopes = problem.residual(theta), problem.place_slopes(theta)
     scale, usual = scales(residual, problem.turns), problem.usual[:-1]
     weights = np.where(np.abs(residual) < WILD * scale, scale**-2, 0.0)
     normal, pull = weighed(slopes, weights, residual)

@@ -72,20 +72,23 @@ class Problem:
         whole = np.hstack([off, *turned])
         return np.where(known[:, None], whole, np.nan)
 
+    def place_slopes(self, theta: FloatArray) -> FloatArray:
+        """(N, M, P): of what the model says by its places."""
+        found = self.kinematics.slopes(self.samples.at(float(theta[-1]))[0], theta[:-1])
+        turned = [found.axes[:, k] for k, own in enumerate(self.samples.turned) if own]
+        return np.concatenate([found.points.reshape(len(self.samples), -1, len(theta) - 1), *turned], axis=1)
+
     def slopes(self, theta: FloatArray) -> FloatArray:
-        """(N, M, P + 1): of what the model says."""
+        """(N, M, P + 1): the same, and by the delay."""
         qpos, speeds, _ = self.samples.at(float(theta[-1]))
-        found = self.kinematics.slopes(qpos, theta[:-1])
         here, there = (self.kinematics.poses(q, theta[:-1]) for q in (qpos, qpos - AHEAD * speeds))
-        count = len(qpos)
-        late = [((there.points - here.points) / AHEAD).reshape(count, -1, 1)]
-        own = [found.points.reshape(count, -1, len(theta) - 1)]
-        for k, turned in enumerate(self.samples.turned):
-            if turned:
-                own.append(found.axes[:, k])
-                change = there.axes[:, k] @ here.axes[:, k].swapaxes(1, 2)
-                late.append(_vector(change)[..., None] / AHEAD)
-        return np.concatenate([np.concatenate(own, axis=1), np.concatenate(late, axis=1)], axis=2)
+        late = [(there.points - here.points).reshape(len(qpos), -1)]
+        late += [
+            _vector(there.axes[:, k] @ here.axes[:, k].swapaxes(1, 2))
+            for k, own in enumerate(self.samples.turned)
+            if own
+        ]
+        return np.concatenate([self.place_slopes(theta), np.hstack(late)[..., None] / AHEAD], axis=2)
 
 
 @dataclass(frozen=True)
