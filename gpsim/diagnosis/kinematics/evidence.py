@@ -21,7 +21,9 @@ set, is more usual than a length, which a machine tool made."""
 NUISANCE = 3.0  # nats for a number of the laboratory to be told
 OPEN = 2.3  # nats, odds of ten: what is no further behind does as well
 SAME = 1e-5  # that a squared correlation is below 1 by rounding
-WEAK = 0.2  # autocorrelation below which errors are taken as independent
+WEAK = (
+    0.05  # autocorrelation below which errors are taken as independent: two errors of its own in 2000 samples
+)
 
 
 @dataclass(frozen=True)
