@@ -33,6 +33,7 @@ LEVELS = [
     {"diagnosis.selection"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
+    {"diagnosis.kinematics"},
     {"diagnosis.data", "diagnosis.run", "diagnosis.report"},
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},

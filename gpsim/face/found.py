@@ -213,6 +213,8 @@ def content_digest(recording: Recording) -> str:
         "held_out": None if recording.held_out is None else vars(recording.held_out),
         "episodes": [(e.name, len(e.t)) for e in recording.episodes],
     }
+    if len(recording.poses):
+        said["poses"] = list(recording.poses.names)
     if recording.sources:
         said["sources"] = [
             (s.name, None if s.held_out is None else vars(s.held_out)) for s in recording.sources
@@ -220,6 +222,7 @@ def content_digest(recording: Recording) -> str:
         said["of"] = [e.source for e in recording.episodes]
     digest = hashlib.sha256(canonical(said))
     for episode in recording.episodes:
-        for values in (episode.t, episode.states, episode.actions):
+        seen = () if episode.poses is None else (episode.poses,)
+        for values in (episode.t, episode.states, episode.actions, *seen):
             digest.update(values.astype("<f8").tobytes())
     return digest.hexdigest()

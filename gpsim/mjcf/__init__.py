@@ -2,6 +2,8 @@
 
 from gpsim.mjcf.exporting import Exported, export_model, planned
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
+from gpsim.mjcf.geometry import Moved, Place
+from gpsim.mjcf.kinematics import Kinematics
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import is_mujoco, new_environment, notes_of, source_of
 from gpsim.mjcf.opening import SYSTEM, files_digest, in_its_columns, open_simulator, simulator_name
@@ -17,8 +19,11 @@ __all__ = [
     "Correction",
     "Declared",
     "Exported",
+    "Kinematics",
     "Layout",
     "MjcfSimulator",
+    "Moved",
+    "Place",
     "checked",
     "declared",
     "export_model",

@@ -31,12 +31,17 @@ INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diag
 SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
 GEOM = {"friction": "geom_friction", "solref": "geom_solref"}
 """What MjSpec calls otherwise than MJCF."""
+MOVED = {"reference": "joint", "frame": "body"}
+"""Kinds of changes that move an element -> its tag."""
 _DASHES = re.compile("-(?=-)")  # no two may follow each other in a comment
 
 
 @dataclass
 class Change:
-    """Attributes of one element as they are to be. kind: joint, body, geom, actuator, option; index: in the model.
+    """Attributes of one element as they are to be; index: in the model.
+
+    kind: joint, body (its masses), geom, actuator, option; where it is moved reference (of a joint), frame (a body) or
+    site.
 
     kept: those of them that are written because others beside them must be.
     """
@@ -270,10 +275,10 @@ def _element(root: Any, spec: Any, change: Change) -> Any:
             root.insert(1 if len(root) and root[0].tag == "compiler" else 0, found)
         return found
     groups = {"joint": spec.joints, "body": spec.bodies, "geom": spec.geoms, "actuator": spec.actuators}
-    group = groups[change.kind]
-    name = next(e.name for e in group if e.id == change.index)
-    place = root.find("actuator" if change.kind == "actuator" else "worldbody")
-    places = list(place) if change.kind == "actuator" else place.iter(change.kind)
+    groups["site"], kind = spec.sites, MOVED.get(change.kind, change.kind)
+    name = next(e.name for e in groups[kind] if e.id == change.index)
+    place = root.find("actuator" if kind == "actuator" else "worldbody")
+    places = list(place) if kind == "actuator" else place.iter(kind)
     return next(e for e in places if isinstance(e.tag, str) and e.get("name") == name)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gpsim.errors import UsageError
 from gpsim.mjcf.batches import Pools
+from gpsim.mjcf.geometry import Moved, corrected
 from gpsim.mjcf.knobs import HEAVIEST, Knob, gain_knob, place_knob, scale_knob
 from gpsim.mjcf.loading import Loaded
 from gpsim.mjcf.naming import Names, names_of
@@ -28,8 +29,8 @@ LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording s
 class Body:
     """A compiled model with its names, parameters, and the batches that step it in this process.
 
-    base: MuJoCo's own, untouched. model: commands are not clamped in it, since effects act on clamped ones, and nothing
-    in it relies on where a body's centre of mass happens to be.
+    base: MuJoCo's own, its geometry corrected if that is known. model: commands are not clamped in it, since effects
+    act on clamped ones, and nothing in it relies on where a body's centre of mass happens to be.
     """
 
     loaded: Loaded
@@ -55,16 +56,23 @@ class Body:
 
 
 def body_of(
-    loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False, contacts: bool = True
+    loaded: Loaded,
+    held: tuple[str, ...] = (),
+    *,
+    exact: bool = False,
+    contacts: bool = True,
+    geometry: tuple[Moved, ...] = (),
 ) -> Body:
     """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot.
 
-    exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch.
+    exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch; geometry: by
+    what that of the model is off.
     """
     mj, base = mujoco(), loaded.model
     where = loaded.source.reference
     names = names_of(base, where)
     _check(base, where)
+    base = corrected(base, names, geometry) if geometry else base
     model = copy.copy(base)
     off = mj.mjtDisableBit
     model.opt.disableflags |= int(off.mjDSBL_CLAMPCTRL) | int(off.mjDSBL_ISLAND) | int(off.mjDSBL_SENSOR)

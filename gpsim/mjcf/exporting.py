@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import pprint
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import disk_errors, write_json
 from gpsim.mjcf.attributes import Change, apply, changes_of, named, written
+from gpsim.mjcf.geometry import Moved, Place
+from gpsim.mjcf.moved_attributes import check_moved, move, moved_changes
 from gpsim.mjcf.naming import names_of
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.patching import Correction, Patch, patch_of
@@ -26,10 +29,10 @@ PATCH_FILE = "patch.json"
 SAME = 1e-4
 """Of a field: a model that comes back from its file further off is not the one that was written."""
 FIELDS = (
-    "qpos0", "qpos_spring", "body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_axis", "jnt_pos",
-    "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly", "dof_frictionloss",
-    "actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange", "actuator_forcerange", "geom_size",
-    "geom_pos", "geom_friction", "geom_solref",
+    "qpos0", "qpos_spring", "body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "site_pos", "site_quat",
+    "jnt_axis", "jnt_pos", "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly",
+    "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange",
+    "actuator_forcerange", "geom_size", "geom_pos", "geom_friction", "geom_solref",
 )  # fmt: skip
 Said = Mapping[tuple[str, str], str]
 """Of an effect, by family and place, its sentence with its intervals."""
@@ -49,10 +52,16 @@ class Exported:
         return any("wrapper" in effect["where"] for effect in self.effects)
 
 
-def export_model(correction: Correction, said: Said, source: Mapping[str, str], out: Path) -> Exported:
+def export_model(
+    correction: Correction,
+    said: Said,
+    source: Mapping[str, str],
+    out: Path,
+    moved: Mapping[Place, str] = MappingProxyType({}),
+) -> Exported:
     """Write OUT.xml, OUT.py, OUT.diff and patch.json; raises UsageError. Nothing is overwritten.
 
-    source: what patch.json says of where it is from.
+    source: what patch.json says of where it is from; moved: of each place of the geometry its sentence.
     """
     files, name = files_of(out), correction.simulator.name
     patch, body = patch_of(correction), correction.simulator.body
@@ -62,8 +71,12 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     before = written(spec.to_xml(), spec, (), assets)
     changes = changes_of(body, patch.fields, patch.motors, correction.step)
     effects = _account(patch, changes, said, correction)
+    moves = moved_changes(correction.simulator, moved)
+    _move(spec, moves)
     apply(spec, body, changes)
+    changes = [*moves, *changes]
     wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
+    check_moved(wanted, correction.simulator)
     found = _read_back(text, out)
     if names_of(found, out.name).state.names != body.names.state.names:
         raise UsageError(f"{name}: its joints come back in another order; name them all in the model")
@@ -72,6 +85,7 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     about = {
         "schema": SCHEMA, **source, "model": out.name, "wrapper": files["wrapper"].name,
         "control_step": correction.dt, "largest_difference": difference, "effects": effects,
+        "geometry": [_moved(m, moved) for m in correction.simulator.geometry],
     }  # fmt: skip
     with disk_errors(out, "--out"):
         files["model"].write_text(text, encoding="utf-8")
@@ -79,6 +93,18 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
         files["diff"].write_text(_diff(before, text, name, out.name), encoding="utf-8")
         write_json(files["patch"], about)
     return Exported(files, effects, difference)
+
+
+def _move(spec: Any, moves: Sequence[Change]) -> None:
+    groups = {"reference": spec.joints, "frame": spec.bodies, "site": spec.sites}
+    for change in moves:
+        element = next(e for e in groups[change.kind] if e.id == change.index)
+        move(mujoco(), element, change.kind, change.attributes, spec.compiler.degree)
+
+
+def _moved(moved: Moved, said: Mapping[Place, str]) -> dict[str, Any]:
+    place = moved.place
+    return {**asdict(place), "value": moved.value, "said": said.get(place, "")}
 
 
 def planned(correction: Correction, said: Said) -> list[dict[str, Any]]:

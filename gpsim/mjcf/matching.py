@@ -8,8 +8,9 @@ import numpy as np
 
 from gpsim.channels import Channel, Channels, FloatArray
 from gpsim.errors import UsageError
+from gpsim.mjcf.geometry import trackable
 from gpsim.mjcf.simulator import MjcfSimulator
-from gpsim.recordings import Episode, Recording
+from gpsim.recordings import Episode, Recording, pose_channels
 
 OFF_LENGTH = (
     0.1  # that a quaternion's length may be off 1: rounding and filters, not another order of columns
@@ -29,16 +30,40 @@ def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     given = [_given_as(name, recording, simulator) for name in simulator.action.names] if commanded else []
     action = [recording.action.index(name) for name in given]
     episodes = tuple(_episode(e, columns, action, simulator) for e in recording.episodes)
+    poses, seen = _poses(recording, simulator)
     noise = {n: v for n, v in recording.noise.items() if n in (*state.names, *simulator.action.names)}
     made = replace(
         recording,
         state=state,
         action=simulator.action if commanded else recording.action,
-        episodes=tuple(_oriented(e, state, simulator) for e in episodes),
+        episodes=tuple(
+            replace(_oriented(e, state, simulator), poses=own) for e, own in zip(episodes, seen, strict=True)
+        ),
+        poses=poses,
         noise=noise,
     )
     _check_start(made, simulator)
     return made
+
+
+def _poses(recording: Recording, simulator: MjcfSimulator) -> tuple[Channels, list[FloatArray | None]]:
+    """Columns that are poses of the model's sites and bodies, among the state or beside it, and each episode's."""
+    own = {*simulator.state.names, *simulator.action.names}
+    known = {*trackable(simulator.body.base, simulator.body.names)}
+    others = [name for name in recording.state.names if name not in own]
+    names = [n for n in (*recording.poses.names, *others) if n.rpartition(".")[0] in known]
+    poses = pose_channels(list(dict.fromkeys(names)), own)
+    if not len(poses):
+        return poses, [None] * len(recording.episodes)
+    return poses, [
+        np.stack([_column(e, recording, n) for n in poses.names], axis=1) for e in recording.episodes
+    ]
+
+
+def _column(episode: Episode, recording: Recording, name: str) -> FloatArray:
+    if episode.poses is not None and name in recording.poses.names:
+        return episode.poses[:, recording.poses.index(name)]
+    return episode.states[:, recording.state.index(name)]
 
 
 def _given_as(action: str, recording: Recording, simulator: MjcfSimulator) -> str:

@@ -13,6 +13,7 @@ from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
+from gpsim.mjcf.geometry import Moved
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus
@@ -33,7 +34,8 @@ class MjcfSimulator(Simulator):
     """A MuJoCo model in the channels of its joints. Copies in other processes load the same files anew.
 
     fixed: states that a recording does not show, at these values; held: joints among them that something holds still;
-    exact: by a scheme of higher order than the model's; contacts: whether bodies touch.
+    exact: by a scheme of higher order than the model's; contacts: whether bodies touch; geometry: by what the model's
+    is off.
     """
 
     name: ClassVar[str]
@@ -47,10 +49,13 @@ class MjcfSimulator(Simulator):
         held: Collection[str] = (),
         exact: bool = False,
         contacts: bool = True,
+        geometry: tuple[Moved, ...] = (),
     ) -> None:
-        self._exact, self._contacts = exact, contacts
+        self._exact, self._contacts, self._geometry = exact, contacts, geometry
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
-        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact, contacts)
+        self._body = _body(
+            loaded.source.reference, loaded.source.digest, self._held, exact, contacts, geometry
+        )
         names = self._body.names
         every = state or names.state
         self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]
@@ -73,13 +78,23 @@ class MjcfSimulator(Simulator):
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
-        how = (self._fixed, self._held, self._exact, self._contacts)
+        how = (self._fixed, self._held, self._exact, self._contacts, self._geometry)
         return _again, (source.reference, source.digest, self.state, *how)
 
     @property
     def own_grid(self) -> bool:
         """Whether it steps as the model says, not by a method of higher order."""
         return not self._exact
+
+    @property
+    def geometry(self) -> tuple[Moved, ...]:
+        """By what the model's geometry is off."""
+        return self._geometry
+
+    @property
+    def believed(self) -> Any:
+        """The compiled model as its files say, which is nobody's to change."""
+        return self._loaded.model
 
     @property
     def body(self) -> Body:
@@ -131,6 +146,10 @@ class MjcfSimulator(Simulator):
         """The same without the states `fixed`; joints `held` among them stand in a mount."""
         return self._like(fixed={**self._fixed, **fixed}, held={*self._held, *held})
 
+    def in_geometry(self, geometry: Sequence[Moved]) -> MjcfSimulator:
+        """The same with the model's geometry off by so much, instead of what it was."""
+        return self._like(geometry=tuple(geometry))
+
     def as_modelled(self) -> MjcfSimulator:
         """The same by the model's own method."""
         return self._like(exact=False)
@@ -145,10 +164,9 @@ class MjcfSimulator(Simulator):
         return self if near else self._like(contacts=False)
 
     def _like(self, **changes: Any) -> MjcfSimulator:
-        own = {"state": self.state, "fixed": self._fixed, "held": self._held}
-        return MjcfSimulator(
-            self._loaded, **{**own, "exact": self._exact, "contacts": self._contacts, **changes}
-        )
+        own = {"state": self.state, "fixed": self._fixed, "held": self._held, "exact": self._exact}
+        own |= {"contacts": self._contacts, "geometry": self._geometry}
+        return MjcfSimulator(self._loaded, **{**own, **changes})
 
     def steps_of(self, dt: float) -> int:
         """How many of the model's own steps a transition of dt [s] takes."""
@@ -319,8 +337,15 @@ def _numbers(parameters: Parameters) -> dict[str, float]:
 
 
 @lru_cache(maxsize=8)
-def _body(reference: str, digest: str, held: tuple[str, ...], exact: bool, contacts: bool) -> Body:
-    return body_of(load(reference), held, exact=exact, contacts=contacts)
+def _body(
+    reference: str,
+    digest: str,
+    held: tuple[str, ...],
+    exact: bool,
+    contacts: bool,
+    geometry: tuple[Moved, ...],
+) -> Body:
+    return body_of(load(reference), held, exact=exact, contacts=contacts, geometry=geometry)
 
 
 def load_mjcf(reference: str) -> MjcfSimulator:
@@ -336,10 +361,11 @@ def _again(
     held: tuple[str, ...],
     exact: bool,
     contacts: bool,
+    geometry: tuple[Moved, ...],
 ) -> MjcfSimulator:
     """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
     loaded = load(reference)
     if loaded.source.digest != digest:
         raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
-    made = MjcfSimulator(loaded, None, fixed, held, exact, contacts)
+    made = MjcfSimulator(loaded, None, fixed, held, exact, contacts, geometry)
     return made if made.state == state else made.with_state(state)

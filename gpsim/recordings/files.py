@@ -16,6 +16,7 @@ import yaml
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.likeness import UNITS, dated, likely_unit
+from gpsim.recordings.poses import numeric_poses
 from gpsim.recordings.recording import Clock, HeldOut, Recording, Velocities
 from gpsim.recordings.table_files import episodes_of, read_frame
 from gpsim.recordings.values import Number, Numbers, Sound, Text, check_channels, checked, one_line
@@ -150,10 +151,12 @@ def read_recording(path: Path) -> Recording:
         "held_out",
         "provenance",
     )
+    poses = numeric_poses(frame, (*state.names, *action.names))
     return Recording(
         state=state,
         action=action,
-        episodes=episodes_of(frame, str(table), state, action),
+        poses=poses,
+        episodes=episodes_of(frame, str(table), state, action, poses),
         model=meta.model,
         **{name: getattr(meta, name) for name in same},
     )
@@ -239,20 +242,22 @@ def recording_of(
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
     held = held if len(held) else state
     table = table.rename(columns=_stood_for(table, stand_ins))
+    poses = numeric_poses(table, (*state.names, *action.names))
     _check_spelling(path, table, (*state.names, *action.names))
     action = action if set(action.names) & set(table.columns) else Channels(())
     needed = ("t", *held.names, *action.names)
     _check_columns(path, table, needed, system)
     if "episode" not in table.columns:
         table = table.assign(episode="0")
-    episodes = episodes_of(table, str(path), held, action)
+    episodes = episodes_of(table, str(path), held, action, poses)
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
     usual = float(np.median(steps))
     if dt is None:
         _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
-    return Recording(system, held, action, episodes, usual if dt is None else dt, parameters, integrator)
+    step = usual if dt is None else dt
+    return Recording(system, held, action, episodes, step, parameters, integrator, poses=poses)
 
 
 def _stood_for(table: pd.DataFrame, stand_ins: Mapping[str, tuple[str, ...]]) -> dict[str, str]:

@@ -13,6 +13,8 @@ from gpsim.errors import UsageError
 from gpsim.recordings.values import Number, Sound, share_of, within
 
 Clock = Literal["session", "episode"]
+UNSEEN = Channels(())
+"""Of a recording whose robot nobody else looked at."""
 Velocities = Literal["measured", "differentiated"]
 
 
@@ -24,6 +26,7 @@ class Episode:
     actions: (K, A); actions[k] is what was commanded from t[k] to t[k + 1].
     weights: (K + 1, S) what each sample counts where a simulator is compared with it, 0 if nothing; None: all alike. A
     file does not hold them. source: of a joined recording, the place in its `sources` of the recording it is from.
+    poses: (K + 1, P) what somebody else saw of it, NaN where nothing; None: nobody looked.
     """
 
     name: str
@@ -32,6 +35,7 @@ class Episode:
     actions: FloatArray
     weights: FloatArray | None = None
     source: int = 0
+    poses: FloatArray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.t)
@@ -104,7 +108,8 @@ class Recording:
     compared with (`model`: the file of one that is a MuJoCo model); `noise` is the known measurement noise (standard
     deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
     kept as it is. sources: the recordings that it was joined from, none of one by itself; each holds out its own part
-    unless `held_out` of the whole says otherwise.
+    unless `held_out` of the whole says otherwise. poses: columns of the file that are neither state nor action, but
+    where a motion capture saw something (`gpsim.recordings.poses`); only a diagnosis of a model looks at them.
     """
 
     system: str
@@ -121,6 +126,7 @@ class Recording:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     model: str | None = None
     sources: tuple[Source, ...] = ()
+    poses: Channels = UNSEEN
 
     def __post_init__(self) -> None:
         if not self.episodes:
@@ -164,6 +170,14 @@ def evenly(count: int, most: int) -> IntArray:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
+def without_poses(recording: Recording) -> Recording:
+    """The recording as nobody else saw it."""
+    if not len(recording.poses):
+        return recording
+    alone = tuple(replace(episode, poses=None) for episode in recording.episodes)
+    return replace(recording, poses=UNSEEN, episodes=alone)
+
+
 SAME_STEP = 0.05  # relative difference of two recordings' steps that the clocks of one machine may make
 
 
@@ -176,17 +190,24 @@ def joined(recordings: Sequence[Recording], names: Sequence[str]) -> Recording:
     first = recordings[0]
     for recording, name in zip(recordings[1:], names[1:], strict=True):
         _check_alike(first, recording, names[0], name)
+    seen = first.poses if all(r.poses == first.poses for r in recordings) else UNSEEN
     stated = [n for n in first.noise if all(n in r.noise for r in recordings)]
     return replace(
         first,
         episodes=tuple(
-            replace(episode, name=f"{name}/{episode.name}", source=place)
+            replace(
+                episode,
+                name=f"{name}/{episode.name}",
+                source=place,
+                poses=episode.poses if len(seen) else None,
+            )
             for place, (recording, name) in enumerate(zip(recordings, names, strict=True))
             for episode in recording.episodes
         ),
         clock="episode",
         noise={n: max(r.noise[n] for r in recordings) for n in stated},
         held_out=None,
+        poses=seen,
         sources=tuple(Source(n, r.held_out) for n, r in zip(names, recordings, strict=True)),
     )
 

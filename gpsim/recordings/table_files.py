@@ -6,6 +6,7 @@ A column that always says the same takes no bytes on the disk and eight a row in
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,7 +18,8 @@ import pyarrow.parquet as pq
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
-from gpsim.recordings.recording import Episode
+from gpsim.recordings.poses import pose_values
+from gpsim.recordings.recording import UNSEEN, Episode
 from gpsim.recordings.values import LARGEST, LONGEST_LINE, check_columns, check_name, one_line
 
 PARQUET: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
@@ -115,8 +117,10 @@ def _csv_names(path: Path) -> list[str]:
     return [name.strip() or f"column_{number}" for number, name in enumerate(first)]
 
 
-def episodes_of(frame: pd.DataFrame, where: str, state: Channels, action: Channels) -> tuple[Episode, ...]:
-    """The episodes of a table with the columns episode, t, `state` and `action`; `where` is what messages call it.
+def episodes_of(
+    frame: pd.DataFrame, where: str, state: Channels, action: Channels, poses: Channels = UNSEEN
+) -> tuple[Episode, ...]:
+    """The episodes of a table with the columns episode, t, `state`, `action` and `poses`; where: its name in messages.
 
     The last row's action of an episode never acted, and may be empty. UsageError names episode, row and column.
     """
@@ -126,7 +130,10 @@ def episodes_of(frame: pd.DataFrame, where: str, state: Channels, action: Channe
         raise UsageError(f"{where}: row {unnamed[0]}: no episode; give every row its episode's name")
     columns = ["t", *state.names, *action.names]
     return tuple(
-        _episode(str(name), rows[columns], 1 + len(state), where)
+        replace(
+            _episode(str(name), rows[columns], 1 + len(state), where),
+            poses=pose_values(rows, poses),
+        )
         for name, rows in frame.groupby("episode", sort=False)
     )
 

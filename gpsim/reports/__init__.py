@@ -12,6 +12,7 @@ __all__ = [
     "fleet",
     "foxglove_file",
     "foxglove_scene",
+    "geometry_text",
     "gp_figures",
     "import_figure",
     "import_text",

@@ -13,6 +13,7 @@ from gpsim.diagnosis.report import EndErrors, Estimate, NamedEffect, OneRecordin
 from gpsim.reports.account_effects import Row, curve_rows, effect_name, rows_of, slight_text, told_effects
 from gpsim.reports.account_sentences import command, following, left, rivals, verdict_sentence
 from gpsim.reports.diagnosis_text import where
+from gpsim.reports.geometry_text import geometry_lines
 from gpsim.reports.quantities import brief, in_percent, percent, share_text, shortened, size_text
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, unit, with_unit
 from gpsim.reports.wording import worded
@@ -74,7 +75,8 @@ class Account:
     """The parts of an account. rows: of the headline effects, the most important first; slight: of all others.
 
     A layout may cut any sentence at its end. command: None where there is nothing to train in; command_here: the same
-    with DIR in the folder's place, where a folder's name is too long. differs: between several recordings.
+    with DIR in the folder's place, where a folder's name is too long. differs: between several recordings. geometry:
+    what a motion capture says, none without one.
     """
 
     verdict: str
@@ -89,6 +91,7 @@ class Account:
     next: tuple[str, ...]
     command: str | None
     command_here: str | None
+    geometry: tuple[str, ...] = ()
 
 
 def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None = None) -> Account:
@@ -111,6 +114,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
         next=tuple(following(told, headline)),
         command=command(told, folder, simulator),
         command_here=command(told, HERE, simulator),
+        geometry=tuple(geometry_lines(told.kinematics)),
     )
 
 

@@ -52,15 +52,16 @@ class Limits:
     left: int
     fit: int
     next: int
+    geometry: int
 
 
 _ROOMY = Limits(
     rows=7, names=3, sizes=3, gates=True, members=4, verdict=2, where=3, slight=2, rival=2, differs=5, left=5,
-    fit=2, next=3,
+    fit=2, next=3, geometry=6,
 )  # fmt: skip
-_CLOSER = replace(_ROOMY, names=2, where=2, differs=4, left=4, fit=1, next=2)
-_CLOSE = replace(_CLOSER, sizes=2, members=3, slight=1, rival=1, differs=3, left=3)
-_CLOSEST = replace(_CLOSE, names=1, sizes=1, gates=False, members=2)
+_CLOSER = replace(_ROOMY, names=2, where=2, differs=4, left=4, fit=1, next=2, geometry=5)
+_CLOSE = replace(_CLOSER, sizes=2, members=3, slight=1, rival=1, differs=3, left=3, geometry=4)
+_CLOSEST = replace(_CLOSE, names=1, sizes=1, gates=False, members=2, geometry=3)
 LIMITS = (_ROOMY, _CLOSER, _CLOSE, replace(_CLOSE, sizes=1), _CLOSEST, replace(_CLOSEST, rows=5))
 """The first that fits is taken: the last always does."""
 
@@ -101,6 +102,7 @@ def filled(words: Sequence[str], width: int, most: int) -> list[str]:
 def _parts(account: Account, limits: Limits) -> Iterator[list[str]]:
     yield _part("Verdict", [f"{account.verdict}: {account.sentence}"], limits.verdict)
     yield _part("Where", [account.where], limits.where)
+    yield _part("Geometry", account.geometry, limits.geometry)
     yield _what(account, limits)
     yield _part("Differs", account.differs, limits.differs)
     yield _part("Left", account.left, limits.left)

@@ -17,6 +17,7 @@ from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
 from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+from gpsim.reports.geometry_text import geometry_sheet, inseparable_lines
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
 
@@ -81,6 +82,8 @@ def page(
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
         recordings=recordings_sheet(diagnosis),
+        geometry=geometry_sheet(diagnosis.kinematics),
+        inseparable=inseparable_lines(diagnosis.kinematics),
         sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
         statistics=statistics(diagnosis),
         model=model,

@@ -21,6 +21,7 @@ from gpsim.diagnosis.report import (
 from gpsim.effects import FAMILIES
 from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text
+from gpsim.reports.geometry_text import with_sentences
 
 OFF = "{on} is {offset} off what the simulator believes"
 """Of a parameter that may be 0, as a place may."""
@@ -102,6 +103,7 @@ def worded(diagnosis: Diagnosis) -> Diagnosis:
         remainder=_with_reason(diagnosis.remainder),
         combinations=tuple(_with_directions(combination) for combination in diagnosis.combinations),
         log_facts=diagnosis.log_facts or tuple(log_fact_text(fact) for fact in diagnosis.facts),
+        kinematics=with_sentences(diagnosis.kinematics),
     )
 
 

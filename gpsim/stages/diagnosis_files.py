@@ -14,16 +14,18 @@ from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
-from gpsim.diagnosis.report import Estimate, NamedEffect, NoGp, RemainderGp
+from gpsim.diagnosis.kinematics import calibrate
+from gpsim.diagnosis.report import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run, cores
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
 from gpsim.gp import Predictor
-from gpsim.mjcf import Correction, MjcfSimulator, planned
-from gpsim.recordings import Recording
+from gpsim.mjcf import Correction, MjcfSimulator, Moved, Place, planned
+from gpsim.recordings import Recording, without_poses
 from gpsim.reports.account_effects import claim_name
+from gpsim.reports.geometry_text import place_name
 from gpsim.reports.wording import worded
 from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
@@ -54,6 +56,18 @@ def where_effects_go(plant: EffectsPlant, effects: Iterable[NamedEffect]) -> lis
 def sentences(effects: Iterable[NamedEffect]) -> dict[tuple[str, str], str]:
     """Of each effect, by family and place, its numbers and their intervals."""
     return {(effect.family, effect.place): said_of(effect) for effect in effects}
+
+
+def moved_sentences(found: Kinematics | None) -> dict[Place, str]:
+    """Of each number of the robot's geometry that is off its size and interval, for a comment."""
+    told = [f for f in found.found if f.model] if found is not None else []
+    return {
+        Place(f.place.kind, f.place.on, f.place.axis, f.size.unit): (
+            f"{place_name(f.place)} is off by {_estimate(f.size)}"
+        )
+        for f in told
+        if f.place.kind != "delay"
+    }
 
 
 def went(effect: Mapping[str, Any]) -> str:
@@ -194,6 +208,12 @@ class Question:
 def answer(recording: Recording, simulator: Simulator, question: Question) -> Outcome:
     """Diagnose; raises UsageError where recording and simulator do not go together, or nothing can be said."""
     with blamed(simulator.name):
+        seen = None
+        if isinstance(simulator, MjcfSimulator) and len(recording.poses):
+            question.progress(0, 100, "where the motion capture saw its sites")
+            seen = calibrate(recording, simulator)
+            simulator = simulator.in_geometry(seen.moved) if seen else simulator
+        recording = without_poses(recording)
         parameters = simulator.defaults(recording.parameters)
         sight = look(recording, simulator)
         _check_names(simulator)
@@ -202,7 +222,8 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         rng = generator(question.seed, "diagnose")
         with cores(question.cores) as workers:
             run = Run(workers, question.settings, known=question.known)
-            return diagnose(recording, simulator, parameters, rng, question.progress, run)
+            found = diagnose(recording, simulator, parameters, rng, question.progress, run)
+    return found if seen is None else replace(found, diagnosis=replace(found.diagnosis, kinematics=seen.told))
 
 
 def _check_names(simulator: Simulator) -> None:
@@ -225,6 +246,8 @@ def described(found: Outcome, diagnosis: Diagnosis, own: Channels) -> Json:
     gp = diagnosis.remainder.gp
     wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
     content = describe(plant, gp=gp is not None and gp.used) | ({"wraps": wraps} if wraps else {})
+    if isinstance(plant.simulator, MjcfSimulator) and plant.simulator.geometry:
+        content["geometry"] = [{**asdict(m.place), "value": m.value} for m in plant.simulator.geometry]
     if gp is not None and gp.beside == "base":
         content["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
     return content
@@ -235,11 +258,23 @@ def plant_of(content: Json, simulator: Simulator, process: Process | None = None
 
     It may stand in the effects' place.
     """
+    if isinstance(simulator, MjcfSimulator) and content.get("geometry"):
+        simulator = simulator.in_geometry([_moved(each) for each in content["geometry"]])
     simulator = wrapping(simulator, _wrapped(simulator.state, content.get("wraps", ())))
     if process is None or not content["gp"]:
         return plant_from(content, simulator)
     correction = GpCorrection(*process(simulator.state + simulator.action), "mean", sample_noise=False)
     return plant_from(content | content.get("with_gp", {}), simulator, correction)
+
+
+def _moved(content: Json) -> Moved:
+    """A number of corrected.json's `geometry`; raises UsageError."""
+    try:
+        return Moved(
+            Place(**{k: content[k] for k in ("kind", "on", "axis", "unit")}), float(content["value"])
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(f"corrected.json: geometry: not what this version reads ({error!r})") from error
 
 
 def _wrapped(state: Channels, too: Iterable[str]) -> Channels:

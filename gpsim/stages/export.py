@@ -24,7 +24,7 @@ from gpsim.settings import build
 from gpsim.simulators import SIMULATORS, Integrator, Simulator
 from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
-from gpsim.stages.diagnosis_files import correction_of, sentences, went
+from gpsim.stages.diagnosis_files import correction_of, moved_sentences, sentences, went
 from gpsim.stages.policy_files import policy_artifact, read_policy, survival_lines
 from gpsim.stages.stage import Request, new_place
 from gpsim.tasks import GoalReaching
@@ -218,8 +218,12 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
         "simulator": plant.simulator.name,
         "verdict": found.verdict,
     }
-    made = export_model(correction, sentences(found.effects), source, out)
-    return made, _notes(made, plant.terms == ())
+    made = export_model(correction, sentences(found.effects), source, out, moved_sentences(found.kinematics))
+    corrected = [*moved_sentences(found.kinematics).values()]
+    return made, [
+        *_notes(made, plant.terms == () and not corrected),
+        *(f"{said} -> model" for said in corrected),
+    ]
 
 
 def _inside(out: Path, folder: Path) -> bool:

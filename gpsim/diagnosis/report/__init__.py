@@ -41,6 +41,15 @@ from gpsim.diagnosis.report.fit import (
     RolloutModelErrors,
     StepErrors,
 )
+from gpsim.diagnosis.report.kinematics import (
+    GeometryFound,
+    GeometryKind,
+    GeometryPlace,
+    InPlaceOf,
+    Inseparable,
+    Kinematics,
+    ToolError,
+)
 from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.report.measured import FoundForm, MeasuredCurve, NearestLaw
 from gpsim.diagnosis.report.not_asked import NotAsked
@@ -67,9 +76,15 @@ __all__ = [
     "Form",
     "FoundForm",
     "FromOthers",
+    "GeometryFound",
+    "GeometryKind",
+    "GeometryPlace",
     "HeldOutFit",
+    "InPlaceOf",
+    "Inseparable",
     "JudgedOn",
     "Kind",
+    "Kinematics",
     "Leads",
     "Location",
     "LogFact",
@@ -98,6 +113,7 @@ __all__ = [
     "Shape",
     "Share",
     "StepErrors",
+    "ToolError",
     "Verdict",
     "contradictions",
     "no_size",

@@ -13,6 +13,7 @@ from gpsim.diagnosis.report.effects import Alternative, Doubt, Leads, NamedEffec
 from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
+from gpsim.diagnosis.report.kinematics import Kinematics
 from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.diagnosis.report.recordings import OneRecording
 from gpsim.errors import UsageError
@@ -130,6 +131,7 @@ class Diagnosis:
     states that were estimated; not_asked: what the recording does not show, and families left out for it.
     ranking: all that was fitted, the best first. recordings: those that were judged together, None of one alone.
     brought: where families of effects and rivals are from that are not the catalogue's, None where all are.
+    kinematics: what a motion capture says of the model's geometry, None where there was none.
     """
 
     verdict: Verdict
@@ -154,6 +156,7 @@ class Diagnosis:
     ranking: tuple[RankedHypothesis, ...]
     recordings: tuple[OneRecording, ...] | None = field(default=None, metadata=OMITTED)
     brought: Mapping[str, BroughtFrom] | None = field(default=None, metadata=OMITTED)
+    kinematics: Kinematics | None = field(default=None, metadata=OMITTED)
     discrimination: Discrimination | None = field(default=None, metadata=UNWRITTEN, compare=False)
     facts: tuple[LogFact, ...] = field(default=(), metadata=UNWRITTEN, compare=False)
 
