@@ -233,7 +233,12 @@ def test_threads_make_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said[0].tobytes() == said[1].tobytes()
 
 
-OF_BODIES = {"armature", "gravity_compensation", "gravity_tilt", "payload"}  # for simulators that own their steps
+OF_BODIES = {
+    "armature",
+    "gravity_compensation",
+    "gravity_tilt",
+    "payload",
+}  # for simulators that own their steps
 COMPILED = set(FAMILIES) - OF_BODIES - {"overflow"}  # which acts on users' own simulators, in Python anyway
 
 

@@ -158,7 +158,13 @@ def test_physics_outside_the_catalogue_moves_a_system_it_belongs_to(kind):
 def test_no_kind_outside_is_a_family_of_the_catalogue():
     from gpsim.effects import FAMILIES
 
-    of_models = {"armature", "gravity_compensation", "gravity_tilt", "joint_offset", "payload"}  # drawn for robots
+    of_models = {
+        "armature",
+        "gravity_compensation",
+        "gravity_tilt",
+        "joint_offset",
+        "payload",
+    }  # drawn for robots
     of_users = {"overflow"}  # acts on simulators of the first order, which no world has
     assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
     assert not set(outside.KINDS) & set(FAMILIES)
