@@ -132,7 +132,9 @@ def test_rooms_take_of_each_other_what_is_offered():
             door = f"gpsim.{there}"
             if there in (None, here) or MODULES[door].stem != "__init__":
                 continue
-            missing = taken - offered(door) if name == door else {name.removeprefix(f"{door}.")} - offered(door)
+            missing = (
+                taken - offered(door) if name == door else {name.removeprefix(f"{door}.")} - offered(door)
+            )
             wrong += [f"{path}: {door} does not offer {missing}"] if missing else []
     assert not wrong
 
@@ -176,7 +178,9 @@ def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
     reached = closure([*explaining, "gpsim.effects", "gpsim.residuals", "gpsim.simulators"])
     assert "gpsim.diagnosis.selection.beam" in reached
     assert not [name for name in reached if name.startswith(("gpsim.trials", "gpsim.targets"))]
-    reached = closure([name for name in MODULES if name.startswith("gpsim.stages.diagnose")] + ["gpsim.cli.diagnose"])
+    reached = closure(
+        [name for name in MODULES if name.startswith("gpsim.stages.diagnose")] + ["gpsim.cli.diagnose"]
+    )
     assert not [name for name in reached if name.startswith("gpsim.trials")]
 
 

@@ -167,6 +167,8 @@ def test_what_asks_the_parent_to_end_asks_the_command_once(number, whom):
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         start_new_session=True,
+        # `nohup` ignores SIGHUP, a shell's background jobs SIGINT, and so would all that they start.
+        preexec_fn=lambda: [signal.signal(s, signal.SIG_DFL) for s in (signal.SIGINT, signal.SIGHUP)],
     )  # fmt: skip
     assert process.stdout.readline() == "begun\n"
     (os.killpg if whom == "group" else os.kill)(process.pid, number)

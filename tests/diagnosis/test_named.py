@@ -25,8 +25,13 @@ QUICK = [
 ]
 
 
+LONG = {  # half a minute each; the rest of the catalogue is named in less
+    "local_friction_patch", "battery_sag", "actuator_backlash", "actuator_rate_limit", "understeer",
+    "minimum_turning_radius",
+}  # fmt: skip
 NOTHING_DEPENDS_ON = {("sensor_bias", "x"), ("sensor_bias", "y")}  # where a vehicle is
 HEAVY = [
+    *(t for t in QUICK if t.family in LONG),
     *mechanical("cartpole", 1),  # forces on the pole's angle
     *(t for t in vehicle_sensors("unicycle") if (t.family, t.on) not in NOTHING_DEPENDS_ON),
 ]
@@ -45,7 +50,7 @@ def claims(effects):
 
 @pytest.mark.parametrize(
     "truth",
-    [*QUICK, *(pytest.param(t, marks=pytest.mark.slow) for t in HEAVY)],
+    [*(t for t in QUICK if t.family not in LONG), *(pytest.param(t, marks=pytest.mark.slow) for t in HEAVY)],
     ids=lambda t: f"{t.world.system}-{t.family}-{t.on}",
 )
 def test_the_plain_case_is_named(truth):

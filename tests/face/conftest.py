@@ -31,6 +31,11 @@ def pushed(count=300, dt=0.02, seed=0):
     return log.assign(q=log.q + rng.normal(0, 1e-4, count), q_dot=log.q_dot + rng.normal(0, 1e-3, count))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _sketched():
+    """Figures are drawn: what is diagnosed here is compared with what the command line makes in another process."""
+
+
 @pytest.fixture(scope="session")
 def log():
     return pushed()
