@@ -69,7 +69,7 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
     _refuse_strangers(words, config_dir)
     resolved = _composed(tuple(words), config_dir) if config_dir else deepcopy(_of_the_package(tuple(words)))
-    checked = _checked({str(key): value for key, value in resolved.items()})
+    checked = _checked(resolved)
     for section, name in NAMING:
         consent(checked[section].get(name))
     return checked
@@ -89,7 +89,7 @@ def _composed(words: tuple[str, ...], config_dir: Path | None) -> dict[str, Any]
         except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
             raise UsageError(_one_line(error, words)) from error
     assert isinstance(resolved, dict)
-    return resolved
+    return {str(key): value for key, value in resolved.items()}
 
 
 def _choices(config_dir: Path | None) -> Iterator[Path]:
