@@ -45,8 +45,10 @@ report: install  ## Tables and HTML page of a finished loop
 $(STAGES): install
 	$(GPSIM) $@ $(ARGS)
 
-test: install lint types  ## Tests, ruff and strict types
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+# Types are checked beside the tests: by itself that keeps one core busy for a minute, and the others idle.
+test: install lint  ## Tests, ruff and strict types
+	@$(BIN)/mypy & typed=$$!; $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder; \
+	  tested=$$?; wait $$typed && exit $$tested
 
 test-slow: install  ## The heavy tests, minutes each
 	$(BIN)/python -m pytest -m slow -n auto --dist load

@@ -1,9 +1,17 @@
-"""`gpsim` called in this process."""
+"""`gpsim` called in this process, and what `--json` may answer."""
 
+import json
 import sys
+from importlib.resources import files
 
+import jsonschema
 import pytest
 from gpsim.cli.main import main
+
+SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
+ANSWER = jsonschema.Draft202012Validator(
+    SCHEMA
+)  # made once: `jsonschema.validate` looks at the schema each time
 
 
 def called(monkeypatch, capfd, *words):

@@ -42,7 +42,7 @@ def test_a_users_runs_home_and_environment_are_out_of_sight(tmp_path):
     tests, runs, home = (tmp_path / name for name in ("it/tests", "it/runs", "home"))
     for folder in (tests, runs, home):
         folder.mkdir(parents=True)
-    for name in ("conftest.py", "hermetic.py"):
+    for name in ("conftest.py", "hermetic.py", "blank.py"):
         shutil.copy(CHECKOUT / "tests" / name, tests)
     head = f"WHERE = {str(tmp_path / 'it' / 'recorded')!r}\nimport pathlib\nROOT = pathlib.Path({str(tmp_path / 'it')!r})"
     (tests / "test_inner.py").write_text(head + INNER)

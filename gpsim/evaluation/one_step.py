@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.evaluation.statistics import nrmse, r2
@@ -37,6 +36,8 @@ class OneStep:
         NRMSE divides by the range of the pooled residual (a per-episode range divides by nearly nothing); its
         spread is the standard deviation over episodes of the error on that same range.
         """
+        from scipy.stats import norm  # here: most commands need not wait for it
+
         actual, mean = self.actual[:, rate], self.mean[:, rate]
         observed = np.sqrt(self.latent_variance[:, rate] + self.noise_variance[rate])
         drawn = observed if sample_noise else np.sqrt(self.latent_variance[:, rate])

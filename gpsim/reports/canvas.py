@@ -23,7 +23,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Tick
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont
@@ -109,9 +109,9 @@ def make_literal(figure: Figure) -> None:
 
 
 def _texts(artist: Artist) -> Iterator[Text]:
-    for child in artist.get_children():
-        if isinstance(child, Tick):
-            continue
+    # Of an axis not its ticks, which it would make to be asked for them.
+    inner = [artist.label, artist.get_offset_text()] if isinstance(artist, Axis) else artist.get_children()
+    for child in inner:
         if isinstance(child, Text):
             yield child
         yield from _texts(child)

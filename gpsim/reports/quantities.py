@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from gpsim.diagnosis.report import Estimate, Odds, Share
 from gpsim.reports.sheets import MISSING, significant, unit
+
+if TYPE_CHECKING:  # every figure needs this file, and few the diagnosis
+    from gpsim.diagnosis.report import Estimate, Odds, Share
 
 ELLIPSIS = "…"
 LONGEST = 28  # letters of a name in a figure

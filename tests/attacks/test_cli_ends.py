@@ -148,6 +148,12 @@ def test_a_model_that_does_so_after_200_calls_is_named(tmp_path, recording, what
     assert not (tmp_path / "out").exists()
 
 
+def heard():
+    """`nohup` ignores SIGHUP, a shell's background jobs SIGINT, and so would all that they start."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 WAITING = "print('begun', flush=True); time.sleep(60)"
 MANNERLY = (
     "from gpsim.workers import ends_when_asked\n    from gpsim.errors import Terminated\n"
@@ -166,7 +172,7 @@ def test_what_asks_the_parent_to_end_asks_the_command_once(number, whom):
     )
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
+        start_new_session=True, preexec_fn=heard,
     )  # fmt: skip
     assert process.stdout.readline() == "begun\n"
     (os.killpg if whom == "group" else os.kill)(process.pid, number)
@@ -193,7 +199,7 @@ def test_ctrl_c_while_a_command_is_loaded_is_a_line():
     )
     process = subprocess.Popen(
         [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
+        start_new_session=True, preexec_fn=heard,
     )  # fmt: skip
     assert process.stdout.readline() == "loading\n"
     os.killpg(process.pid, signal.SIGINT)

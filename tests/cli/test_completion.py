@@ -1,5 +1,6 @@
 """Shell completion: what follows, where it is cut at `=` and where not, without waiting for a library."""
 
+import json
 import os
 import subprocess
 import sys
@@ -7,28 +8,19 @@ import sys
 import pytest
 from gpsim.cli import completion
 
+ASKED = """
+import contextlib, io, json, os, sys
+from gpsim.cli.main import main
 
-def completed(line, cwd, word=None):
-    """What Bash would be given for the last word of a line."""
-    words = line.split(" ")
-    env = {
-        **os.environ,
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words) - 1),
-        "_GPSIM_COMPLETE": "complete_bash",
-    }
-    code = (
-        "import sys; from gpsim.cli.main import main\n"
-        "try: main()\n"
-        "finally:\n"
-        "    heavy = {'torch', 'scipy', 'matplotlib', 'pandas', 'hydra', 'omegaconf'} & set(sys.modules)\n"
-        "    if heavy: print('HEAVY', heavy)\n"
-    )
-    words = [sys.executable, "-c", f"import sys; sys.argv = ['gpsim']\n{code}"]
-    ended = subprocess.run(words, env=env, capture_output=True, text=True, cwd=cwd, check=False)
-    assert "HEAVY" not in ended.stdout, ended.stdout
-    assert "Traceback" not in ended.stderr, ended.stderr
-    return ended.stdout.split()
+sys.argv, said = ["gpsim"], []
+for line in json.load(sys.stdin):
+    os.environ |= {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):
+        main()
+    said.append(out.getvalue().split())
+heavy = {"torch", "scipy", "matplotlib", "pandas", "hydra", "omegaconf"} & set(sys.modules)
+print(json.dumps([said, sorted(heavy)]))
+"""
 
 
 @pytest.fixture
@@ -44,40 +36,48 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("line", "there"),
-    [
-        ("gpsim fit-gp gp.n_tr", ["gp.n_train="]),
-        ("gpsim fit-gp gp=ju", ["gp=jump"]),
-        ("gpsim fit-gp gp = ju", ["jump"]),  # as Bash cuts it
-        ("gpsim fit-gp experiment =", ["cartpole", "limo", "mujoco"]),
-        ("gpsim run full-loop budget=", ["budget=smoke", "budget=thesis"]),
-        ("gpsim diagnose dri", ["drive.bag"]),
-        ("gpsim diagnose --simulator pend", ["pendulum"]),
-        ("gpsim diagnose drive.bag --simulator pendulum th", ["theta=", "theta_dot="]),
-        ("gpsim diagnose x diagnose.families.only=[spring,back", []),
-        ("gpsim diagnose x diagnose.families.only=[spring,visc", ["diagnose.families.only=[spring,viscous_friction"]),
-        ("gpsim diagnose --score runs/c", ["runs/cartpole/diagnose/v0002", "runs/cartpole/diagnose/v0001", "runs/cartpole/"]),
-        ("gpsim diagnose --mapping mi", ["mine.yaml"]),
-        ("gpsim import --mapping em", ["emps"]),
-        ("gpsim export policy runs/cartpole/t", ["runs/cartpole/train-source/v0001", "runs/cartpole/train-source/"]),
-        ("gpsim export recording --format p", ["parquet"]),
-        ("gpsim build-residuals recording=runs/cartpole/co", ["recording=runs/cartpole/collect/v0001", "recording=runs/cartpole/collect/"]),
-        ("gpsim prove conceal --stratum u", ["unknown"]),
-        ("gpsim prove co", ["conceal"]),
-    ],
-)  # fmt: skip
-def test_what_may_follow(line, there, folder):
-    assert completed(line, folder) == there
+FOLLOW = {
+    "gpsim fit-gp gp.n_tr": ["gp.n_train="],
+    "gpsim fit-gp gp=ju": ["gp=jump"],
+    "gpsim fit-gp gp = ju": ["jump"],  # as Bash cuts it
+    "gpsim fit-gp experiment =": ["cartpole", "limo", "mujoco"],
+    "gpsim run full-loop budget=": ["budget=smoke", "budget=thesis"],
+    "gpsim diagnose dri": ["drive.bag"],
+    "gpsim diagnose --simulator pend": ["pendulum"],
+    "gpsim diagnose drive.bag --simulator pendulum th": ["theta=", "theta_dot="],
+    "gpsim diagnose x diagnose.families.only=[spring,back": [],
+    "gpsim diagnose x diagnose.families.only=[spring,visc": ["diagnose.families.only=[spring,viscous_friction"],
+    "gpsim diagnose --score runs/c": ["runs/cartpole/diagnose/v0002", "runs/cartpole/diagnose/v0001", "runs/cartpole/"],
+    "gpsim diagnose --mapping mi": ["mine.yaml"],
+    "gpsim import --mapping em": ["emps"],
+    "gpsim export policy runs/cartpole/t": ["runs/cartpole/train-source/v0001", "runs/cartpole/train-source/"],
+    "gpsim export recording --format p": ["parquet"],
+    "gpsim build-residuals recording=runs/cartpole/co": ["recording=runs/cartpole/collect/v0001", "recording=runs/cartpole/collect/"],
+    "gpsim prove conceal --stratum u": ["unknown"],
+    "gpsim prove co": ["conceal"],
+}  # fmt: skip
+
+
+def test_what_may_follow_without_waiting_for_a_library(folder):
+    """What Bash would be given for the last word of a line."""
+    env = os.environ | {"_GPSIM_COMPLETE": "complete_bash"}
+    words, lines = [sys.executable, "-c", ASKED], json.dumps(list(FOLLOW))
+    ended = subprocess.run(
+        words, env=env, input=lines, capture_output=True, text=True, cwd=folder, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
+    said, heavy = json.loads(ended.stdout)
+    assert dict(zip(FOLLOW, said, strict=True)) == FOLLOW
+    assert heavy == []
 
 
 def test_every_choice_and_key_that_is_offered_is_one(folder):
     from gpsim.cli.configuration import resolve
 
-    for group, choices in completion.groups().items():
-        for choice in choices:
-            if group not in ("budget", "experiment", "target", "task"):  # which go together
-                resolve([f"{group}={choice}"], None)
+    together = ("budget", "experiment", "target", "task")
+    groups = {group: choices for group, choices in completion.groups().items() if group not in together}
+    for nth in range(max(map(len, groups.values()))):
+        resolve([f"{group}={choices[nth % len(choices)]}" for group, choices in groups.items()], None)
     keys = completion._keys()
     assert {"seed", "gp.n_train", "diagnose.windows.length", "collect.mapping"} <= set(keys)
     config = resolve([], None)

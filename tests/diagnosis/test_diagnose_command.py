@@ -19,6 +19,8 @@ from gpsim.stages.diagnose import read_corrected, read_diagnosis
 
 from .worlds import World, record
 
+pytestmark = pytest.mark.pictures
+
 ROOT = Path(__file__).parent.parent.parent
 
 

@@ -8,13 +8,15 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.settings import DecimationSettings
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import DecimationSettings, Known
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
 from .truths import mechanical
 from .worlds import World, record
 
+FEW = ("coulomb_friction", "stribeck_friction", "viscous_friction", "quadratic_drag")
 FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction")
 
 
@@ -57,9 +59,10 @@ def test_nothing_is_thinned_where_commands_switch_at_every_sample_or_the_clock_i
 
 
 def test_friction_is_named_from_a_recording_at_1_khz():
-    recording = record(FRICTION.world, seed=4, episodes=6, steps=2500, dt=0.001, hold=120)
+    recording = record(FRICTION.world, seed=4, episodes=6, steps=1500, dt=0.001, hold=120)
     simulator = make_simulator("slider")
-    found = diagnose(recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0))
+    known, run = simulator.defaults(recording.parameters), Run(known=Known(only=FEW))
+    found = diagnose(recording, simulator, known, np.random.default_rng(0), run=run)
     report = found.diagnosis
     assert report.thinned == 10
     assert "every 10th sample" in where(report)

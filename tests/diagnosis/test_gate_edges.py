@@ -11,12 +11,11 @@ import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_remainder
 
 from gpsim.channels import wrap_angle
-from gpsim.diagnosis.fitting.batch import Order, fit_all
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.fitting.score_test import Directions
 from gpsim.diagnosis.report import Estimate, RemainderGp
-from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import bins
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
@@ -70,22 +69,6 @@ def test_an_onset_is_placed_between_two_samples():
     problem, at = started(question, simulator, "constant_force", {"force": 1.0}, Gate(since=1.7))
     found = placed(problem, at, 0, FAR_REACH, 1e-4)
     assert found.hypothesis.terms[0].gate.since == pytest.approx(1.4567, abs=recording.dt / 4)
-
-
-def test_effort_does_not_depend_on_the_number_of_processes():
-    problem = braked()[2].searched
-    orders = [
-        Order(Hypothesis(scheme=scheme), problem.windows.measured[:, 0], 5, 0.5)
-        for scheme in ("fine", "euler")
-    ]
-    begun = problem.run.budget.spent
-    fit_all(problem, orders)
-    alone = problem.run.budget.spent - begun
-    with cores(2) as workers:
-        run = Run(workers)
-        fit_all(replace(problem, run=run), orders)
-    assert run.budget.spent == pytest.approx(alone, rel=1e-12)
-    assert alone > 0
 
 
 @pytest.mark.parametrize(

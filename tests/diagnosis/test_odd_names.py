@@ -18,6 +18,8 @@ from gpsim.stages.diagnose import read_corrected
 from .own_systems import ODD_NAMES, ODD_SLIDER
 from .worlds import World, record
 
+pytestmark = pytest.mark.pictures
+
 EPISODES = ["NA", "<i>e</i> $a$ [bold]", "007", "null", "[/] " + "e" * 180]
 X, V, F = ODD_NAMES
 

@@ -86,9 +86,9 @@ def test_an_onset_is_told_on_the_recordings_own_clock():
     recording = record(world, seed=1, episodes=5, steps=120, session=True)
     noon = replace(recording, episodes=tuple(replace(e, t=e.t + 1e5) for e in recording.episodes))
     simulator = make_simulator("slider")
-    report = diagnose(
-        noon, simulator, simulator.defaults(noon.parameters), np.random.default_rng(0)
-    ).diagnosis
+    run = Run(known=Known(only=("constant_force", "viscous_friction", "coulomb_friction")))
+    known = simulator.defaults(noon.parameters)
+    report = diagnose(noon, simulator, known, np.random.default_rng(0), run=run).diagnosis
     (effect,) = report.effects
     assert effect.since == pytest.approx(1e5 + 6.0, abs=0.05)
     assert report.location.since == effect.since

@@ -68,16 +68,20 @@ def answer(recording, run=None):
     return json.dumps(plain(found.diagnosis.to_dict())), list(found.decisions)
 
 
-def test_two_diagnoses_in_threads_say_what_each_says_alone(braked):
-    recordings = [braked, record(PUSHED, seed=4, episodes=4, steps=120)]
-    alone = [answer(r) for r in recordings]
+@pytest.fixture(scope="module")
+def answered(braked):
+    return answer(braked)
+
+
+def test_two_diagnoses_in_threads_say_what_each_says_alone(braked, answered):
+    pushed = record(PUSHED, seed=4, episodes=4, steps=120)
     with ThreadPoolExecutor(2) as pool:
-        together = list(pool.map(answer, recordings))
-    assert together == alone
+        together = list(pool.map(answer, [braked, pushed]))
+    assert together == [answered, answer(pushed)]
 
 
-def test_decisions_are_written_down_in_their_order_with_the_step_that_made_them(braked):
-    _, decisions = answer(braked)
+def test_decisions_are_written_down_in_their_order_with_the_step_that_made_them(answered):
+    _, decisions = answered
     steps = list(dict.fromkeys(d.step for d in decisions))
     order = ["usual machine", "search", "refine grid", "refit", "stepwise", "prune on held-out", "judge"]
     assert steps == [s for s in order if s in steps]

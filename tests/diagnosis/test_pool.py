@@ -1,5 +1,6 @@
 """Worker processes: the same fits and simulations, whatever their number, and with a user's own system too."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,12 +19,20 @@ from gpsim.simulators import make_simulator
 
 from .worlds import World, record
 
+
+@pytest.fixture(scope="module")
+def two():
+    """Two processes, started once."""
+    with cores(2) as workers:
+        yield workers
+
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 
 
 @pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("reference", ["slider", "user"])
-def test_two_processes_fit_what_one_does(reference):
+def test_two_processes_fit_what_one_does(reference, two):
     rng = np.random.default_rng(0)
     if reference == "user":
         simulator, count, dt = make_simulator(f"{EXAMPLE}:CascadedTanks"), 2, 4.0
@@ -39,9 +48,14 @@ def test_two_processes_fit_what_one_does(reference):
     problem = prepare(recording, simulator, simulator.defaults()).searched
     assert problem.run.workers.count == 1
     orders = [Order(Hypothesis(scheme=s), problem.windows.measured[:, 0], 3, 0.5) for s in ("fine", "euler")]
-    alone = fit_all(problem, orders)
-    with cores(2) as workers:
-        together = fit_all(replace(problem, run=Run(workers)), orders)
+    alone, run = fit_all(problem, orders), Run()
+    fit_all(replace(problem, run=run), orders)
+    # What a process may run of a user's is told to it when it begins.
+    with cores(2) if reference == "user" else nullcontext(two) as workers:
+        shared = Run(workers)
+        together = fit_all(replace(problem, run=shared), orders)
+    assert run.budget.spent > 0
+    assert shared.budget.spent == pytest.approx(run.budget.spent, rel=1e-12)
     for one, two in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one.residuals, two.residuals)
         assert one.objective == two.objective
@@ -64,7 +78,7 @@ TERMS = {
 
 
 @pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS.keys())
-def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
+def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms, two):
     """To the last digit, and at the same effort: what a search finds must not depend on the cores."""
     recording = record(World("cartpole"), episodes=12, steps=155)
     problem = prepare(recording, make_simulator("cartpole"), recording.parameters).everything
@@ -78,12 +92,11 @@ def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
 
     one = Run()
     alone = simulated(one)
-    with cores(2) as workers:
-        assert _parts(workers.count, *starts.shape[:2], 4 * problem.windows.length) == 2
-        two = Run(workers)
-        together = simulated(two)
+    assert _parts(two.count, *starts.shape[:2], 4 * problem.windows.length) == 2
+    both = Run(two)
+    together = simulated(both)
     assert one.budget.spent > 0
-    assert two.budget.spent == pytest.approx(one.budget.spent)
+    assert both.budget.spent == pytest.approx(one.budget.spent)
     np.testing.assert_array_equal(alone, together)
 
 
@@ -99,14 +112,12 @@ def spending(run: Run, answer: int, effort: float) -> int:
     return answer
 
 
-def test_calls_after_the_effort_is_used_up_do_not_count_whatever_the_cores():
+def test_calls_after_the_effort_is_used_up_do_not_count_whatever_the_cores(two):
     """The second call begins before 15 are spent, the third after."""
-    for count in (1, 2):
-        with cores(count) as workers:
-            run = Run(workers)
-            calls = [(run, k, 10.0) for k in range(5)]
-            assert run.side_by_side(spending, calls, until=15.0) == [0, 1]
-            assert run.budget.spent == pytest.approx(20.0)
+    for run in (Run(), Run(two)):
+        calls = [(run, k, 10.0) for k in range(5)]
+        assert run.side_by_side(spending, calls, until=15.0) == [0, 1]
+        assert run.budget.spent == pytest.approx(20.0)
 
 
 def test_what_was_diagnosed_may_be_asked_for_more_when_the_workers_have_gone():

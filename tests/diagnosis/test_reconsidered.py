@@ -19,13 +19,13 @@ def stood_for():
     """A weaker drive and a lighter pole move as a heavier cart does, all forces scaled."""
     question, leader = laws.explained_by(HEAVY, *STAND_IN, episodes=8, steps=120, noise=0.1)
     problem = question.everything
-    return problem, leader, candidates(question.recording, problem.simulator, problem.parameters)
+    offers = candidates(question.recording, problem.simulator, problem.parameters)
+    return problem, leader, offers, _reconsidered(problem, leader, offers)
 
 
 def test_two_terms_make_room_for_one(stood_for):
-    problem, leader, offers = stood_for
+    _, leader, _, found = stood_for
     assert leader.hypothesis.theta == pytest.approx([1.2 / 1.3, 1 / 1.3, 1 / 1.3], rel=0.05)
-    found = _reconsidered(problem, leader, offers)
     heavy = [f for f in found if f.hypothesis.claims == {STAND_IN[0], ("parameter_offset", "cart_mass")}]
     assert heavy
     assert heavy[0].hypothesis.theta == pytest.approx([1.2, 1.3], rel=0.03)
@@ -33,8 +33,8 @@ def test_two_terms_make_room_for_one(stood_for):
 
 
 def test_what_is_right_stays(stood_for):
-    problem, leader, offers = stood_for
-    right = min(_reconsidered(problem, leader, offers), key=lambda f: len(f.hypothesis.terms))
+    problem, _, offers, found = stood_for
+    right = min(found, key=lambda f: len(f.hypothesis.terms))
     assert right.hypothesis.claims == {STAND_IN[0], ("parameter_offset", "cart_mass")}
     for other in reconsidered(problem, right, offers):
         assert other.objective > right.objective - 10.0

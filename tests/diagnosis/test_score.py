@@ -22,7 +22,7 @@ from .test_sight import keeping, without_actions
 from .worlds import World, record
 
 DAMPED = World("slider", forces={0: lambda q, v, t: -1.5 * v})
-NEW = record(DAMPED, seed=9, episodes=10, steps=300)
+NEW = record(DAMPED, seed=9, episodes=10, steps=150)
 
 
 def corrected(damping, system="slider", **gate):
@@ -69,7 +69,7 @@ def test_the_table_says_it_shortly_and_the_file_keeps_it():
     again = Score.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again == found
     lines = score_lines(found)
-    assert lines[0].startswith("3000 transitions; errors of ")
+    assert lines[0].startswith("1500 transitions; errors of ")
     assert lines[1].split()[:2] == ["unit", "base"]
     assert [line.split(",")[0] for line in lines[2:5]] == ["q_acc", "q", "q_dot"]
     assert lines[-1] == "no Gaussian process: the diagnosis has none"

@@ -1,16 +1,14 @@
 """Several recordings of one machine, judged together: what they share, what is each one's own, what differs."""
 
 from dataclasses import replace
-from importlib.resources import files
-from json import loads
 
-import jsonschema
 import numpy as np
 import pytest
+from jsonschema import Draft202012Validator
 
 import gpsim
 from gpsim.channels import Channels
-from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis import Diagnosis, schema
 from gpsim.diagnosis.assessment.by_recording import _expected
 from gpsim.diagnosis.data import rebased
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
@@ -26,6 +24,7 @@ from gpsim.simulators import make_simulator
 
 from .worlds import World, record
 
+VALID = Draft202012Validator(schema())
 SLIDER = make_simulator("slider")
 FORCE = EffectParameter("force", "N", 0.0, 10.0, (1.0,), 0.2)
 FEW = {"only": ["coulomb_friction", "parameter_offset on mass", "sensor_bias on q_dot"]}
@@ -83,8 +82,7 @@ def test_each_recording_is_judged_on_what_it_held_out(found):
 
 def test_the_file_holds_it_and_is_read_again(found, tmp_path):
     content = found.result.to_dict()
-    schema = loads((files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8"))
-    jsonschema.validate(content, schema)
+    VALID.validate(content)
     assert [one["name"] for one in content["recordings"]] == ["monday", "friday"]
     assert Diagnosis.from_dict(content) == found.result
     loaded = gpsim.Diagnosis.load(found.save(tmp_path / "kept"))
@@ -119,10 +117,7 @@ def test_of_three_each_is_foretold_from_the_others():
     shares = [one.from_others.explained.share for one in found.result.recordings]
     assert min(shares[0], shares[2]) > 0.9
     assert shares[1] < min(shares[0], shares[2]) - 0.02
-    jsonschema.validate(
-        found.result.to_dict(),
-        loads((files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8")),
-    )
+    VALID.validate(found.result.to_dict())
 
 
 def test_alike_recordings_share_all(days):

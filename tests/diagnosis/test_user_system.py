@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ REFERENCE = f"{EXAMPLE}:CascadedTanks"
 FEW = "diagnose.families.only=[actuator_gain,actuator_lag]"
 
 
+@cache
 def drive(noise: float = 0.01) -> Recording:
     """Both levels, under a pump of 80 % of its size."""
     tanks = make_simulator(REFERENCE)

@@ -2,16 +2,13 @@
 
 import json
 import sys
-from importlib.resources import files
 
-import jsonschema
 import pytest
+from cli_calls import ANSWER
 from gpsim.cli.main import main
 from mjcf_models import DOUBLE, PENDULUM, written
 
 from gpsim.simulators import SIMULATORS
-
-SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
 
 
 def run(monkeypatch, *words):
@@ -42,7 +39,7 @@ def test_each_of_them_answers_in_json(words, tmp_path, monkeypatch, capsys):
     words = (*words, written(tmp_path, DOUBLE)) if words == ("check",) else words
     assert run(monkeypatch, "simulators", *words, "--json") == 0
     content = json.loads(capsys.readouterr().out)
-    jsonschema.validate(content, SCHEMA, jsonschema.Draft202012Validator)
+    ANSWER.validate(content)
     if words == ("list",):
         assert content["registered"] == list(SIMULATORS)
     elif words[0] == "check":

@@ -2,12 +2,11 @@
 
 import json
 import sys
-from importlib.resources import files
 from pathlib import Path
 
 import gymnasium
-import jsonschema
 import pytest
+from cli_calls import ANSWER
 from gpsim.cli.main import main
 from made_artifacts import made_diagnosis_artifact
 from made_diagnoses import made_diagnosis, made_effect
@@ -24,7 +23,6 @@ from gpsim.simulators import make_simulator
 from gpsim.stages.diagnosis_files import where_effects_go
 from gpsim.stages.export import export_corrected_model
 
-SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
 TERMS = (Term("coulomb_friction", "elbow", {"force": 0.05}), Term("actuator_dead_zone", "m1", {"width": 0.3}))
 EFFECTS = (
     made_effect(
@@ -67,7 +65,7 @@ def test_it_says_where_each_effect_went(tmp_path, monkeypatch, capfd):
     assert not ended.value.code
     out, err = capfd.readouterr()
     content = json.loads(out)
-    jsonschema.validate(content, SCHEMA, jsonschema.Draft202012Validator)
+    ANSWER.validate(content)
     assert [e["where"] for e in content["effects"]] == ["attribute", "wrapper"]
     assert "Coulomb friction on elbow: force 0.05 N m (0.049 to 0.0512) -> joint elbow: frictionloss" in err
     assert "actuator dead zone on m1: width 0.3 N m -> wrapper (MJCF has no attribute for it)" in err

@@ -1,6 +1,7 @@
 """Of a simulator that owns its steps: how finely dry friction is stepped, and how long a window is."""
 
 from dataclasses import replace
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -19,6 +20,12 @@ from gpsim.stages.diagnose import Task, open_recording
 
 DT, FORCE = 0.02, 0.4
 COARSE = SLIDER.replace('timestep="0.001"', f'timestep="{DT}"')
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A question, made once, of the function that makes it and of what that is told."""
+    return cache(lambda how, *told: how(tmp_path_factory.mktemp("made"), *told))
 
 
 def slid(x, v, push):
@@ -59,10 +66,10 @@ def friction(question):
     return Hypothesis((Term(rubs.family, rubs.place.on, {"force": FORCE}),), (rubs.declared,))
 
 
-def test_dry_friction_is_stepped_until_its_stops_are_less_than_the_noise(tmp_path):
-    problem = rubbed(tmp_path, 1e-4).searched
+def test_dry_friction_is_stepped_until_its_stops_are_less_than_the_noise(made):
+    problem = made(rubbed, 1e-4).searched
     assert problem.dry_steps == {"q": 6}
-    true, starts = friction(rubbed(tmp_path, 1e-4)), problem.windows.measured[None, :, 0]
+    true, starts = friction(made(rubbed, 1e-4)), problem.windows.measured[None, :, 0]
     fine = problem.residuals(true, true.theta[None], starts)
     rough = problem.slopes.residuals(true, true.theta[None], starts)
     read = np.sqrt(2.0) * 1e-4  # a sample's noise, and that of the start
@@ -70,15 +77,15 @@ def test_dry_friction_is_stepped_until_its_stops_are_less_than_the_noise(tmp_pat
     assert np.sqrt(np.mean(rough**2)) > 2.5 * read
 
 
-def test_what_noise_hides_is_not_stepped_finely(tmp_path):
-    assert rubbed(tmp_path, 0.1).searched.dry_steps == {}
+def test_what_noise_hides_is_not_stepped_finely(made):
+    assert made(rubbed, 0.1).searched.dry_steps == {}
 
 
-def test_nothing_else_is_stepped_finely(tmp_path):
-    problem = rubbed(tmp_path, 1e-4).searched
+def test_nothing_else_is_stepped_finely(made):
+    problem = made(rubbed, 1e-4).searched
     smooth = Hypothesis().chain(problem.simulator, problem.parameters, problem.dt)
     assert problem.steps(smooth) == problem.substeps
-    rubs = friction(rubbed(tmp_path, 1e-4)).chain(problem.simulator, problem.parameters, problem.dt)
+    rubs = friction(made(rubbed, 1e-4)).chain(problem.simulator, problem.parameters, problem.dt)
     assert problem.steps(rubs) == 6 * problem.substeps
     assert problem.slopes.steps(rubs) == problem.slopes.substeps
 
@@ -103,14 +110,14 @@ def swung(folder, rest, dt=0.05):
     return prepare(recording, simulator, simulator.defaults())
 
 
-def test_windows_of_what_falls_are_short(tmp_path):
-    falls, hangs = swung(tmp_path, np.pi), swung(tmp_path, 0.0)
+def test_windows_of_what_falls_are_short(made):
+    falls, hangs = made(swung, np.pi), made(swung, 0.0)
     assert hangs.everything.windows.length == 19
     assert 5 <= falls.everything.windows.length < 19
 
 
-def test_growth_is_that_of_a_falling_pole(tmp_path):
-    problem = swung(tmp_path, np.pi).everything
+def test_growth_is_that_of_a_falling_pole(made):
+    problem = made(swung, np.pi).everything
     grown = growth(problem, Hypothesis())
     assert grown[0] == pytest.approx(1.0)
     rate = np.sqrt(GRAVITY / LENGTH)
@@ -119,13 +126,13 @@ def test_growth_is_that_of_a_falling_pole(tmp_path):
     assert grown[-1] < 10.0 * np.exp(0.05 * rate)
 
 
-def test_a_model_of_many_joints_is_not_stepped_finely(tmp_path):
-    problem, known = rubbed(tmp_path, 1e-4).searched, []
+def test_a_model_of_many_joints_is_not_stepped_finely(made):
+    problem, known = made(rubbed, 1e-4).searched, []
     settings = problem.run.settings
     few = replace(settings, closed_step=replace(settings.closed_step, dry_joints=0))
     for chosen in (settings, few):
         asked = replace(problem, run=replace(problem.run, settings=chosen))
-        known.append(steps_with_friction(asked, rubbed(tmp_path, 1e-4).recording))
+        known.append(steps_with_friction(asked, made(rubbed, 1e-4).recording))
     assert known == [{"q": 6}, {}]
 
 
@@ -158,14 +165,14 @@ def tracked(folder, dt):
     return prepare(recording, simulator, simulator.defaults())
 
 
-def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(tmp_path):
-    problem = tracked(tmp_path, 0.01).searched
+def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(made):
+    problem = made(tracked, 0.01).searched
     assert problem.substeps > problem.simulator.steps_of(0.01)
     assert problem.floor[0] < 1.5 * NOISE
 
 
-def test_commands_of_a_stiff_servo_are_not_averaged(tmp_path):
-    question = tracked(tmp_path, 0.005)
+def test_commands_of_a_stiff_servo_are_not_averaged(made):
+    question = made(tracked, 0.005)
     assert question.thinned == 1
     nothing, problem = Hypothesis(), question.searched
     left = fit(problem, nothing, problem.windows.measured[:, 0]).residuals
@@ -207,8 +214,8 @@ def turned(folder):
     return prepare(recording, simulator, simulator.defaults(recording.parameters))
 
 
-def test_a_wrist_that_whirls_in_the_base_alone_hides_nothing_behind_a_numerical_error(tmp_path):
-    problem = turned(tmp_path).everything
+def test_a_wrist_that_whirls_in_the_base_alone_hides_nothing_behind_a_numerical_error(made):
+    problem = made(turned).everything
     wrist = problem.simulator.state.names.index("wrist")
     assert numerical_error(problem)[wrist] > 0.1 * problem.scale[wrist]
     assert problem.floor[wrist] < 1e-3 * problem.scale[wrist]
@@ -216,8 +223,8 @@ def test_a_wrist_that_whirls_in_the_base_alone_hides_nothing_behind_a_numerical_
     assert problem.windows.length == 25
 
 
-def test_the_likely_machine_has_the_rotor_that_inverse_dynamics_say(tmp_path):
-    question = turned(tmp_path)
+def test_the_likely_machine_has_the_rotor_that_inverse_dynamics_say(made):
+    question = made(turned)
     said = likely_machine(question.searched, question.recording)
     sizes = {(t.family, t.on): next(iter(t.values.values())) for t in said.terms}
     assert sizes["armature", "wrist"] == pytest.approx(ROTOR, rel=0.05)

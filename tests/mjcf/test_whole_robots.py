@@ -185,6 +185,7 @@ def test_what_is_no_row_of_a_joint_is_not_sized_by_inverse_dynamics(rubbing):
     assert by_inverse_dynamics(question.searched, question.recording, child_of(Hypothesis(), *heavy)) is None
 
 
+@pytest.mark.slow  # beside a mass, and beside late commands, it is shown below
 def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubbing):
     said = _begun(rubbing[0])
     for i, on in enumerate(("shoulder", "elbow")):

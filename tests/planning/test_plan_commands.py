@@ -2,14 +2,13 @@
 
 import json
 import sys
-from importlib.resources import files
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from cli_calls import ANSWER
 from gpsim.cli.main import main
 from made_posteriors import driven
 
@@ -18,7 +17,6 @@ from gpsim.artifacts import Recipe, Store
 from gpsim.policies import Policy
 from gpsim.stages.policy_files import write_policy
 
-SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
 ASKED = {"only": ["viscous_friction", "spring"]}
 SMALL = (
     "plan.piece=3",
@@ -71,7 +69,7 @@ def test_a_plan_is_written_whole_and_found_again(found, monkeypatch, capfd):
     assert called(monkeypatch, capfd, *words)[0] == 0
     assert "already there" in called(monkeypatch, capfd, *words)[1]
     answer = json.loads(called(monkeypatch, capfd, "--json", *words)[1])
-    jsonschema.validate(answer, SCHEMA)
+    ANSWER.validate(answer)
     assert answer["plan"]["pieces"] == facts["pieces"]
 
 
@@ -114,7 +112,7 @@ def test_a_watch_ends_with_4_where_friction_has_grown_and_goes_on_where_it_was(
     frame(1.5, seed=4, damping=lambda t: 1.1).to_csv(folder / "b.csv", index=False)
     code, said, _ = called(monkeypatch, capfd, "--json", *words)
     answer = json.loads(said)
-    jsonschema.validate(answer, SCHEMA)
+    ANSWER.validate(answer)
     assert code == answer["exit_code"] == 4
     assert answer["error"]["kind"] == "no_longer_holds"
     (one,) = answer["recordings"]
@@ -156,7 +154,7 @@ def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
     words = ("collect", "experiment=cartpole", "--plan", tmp_path / "plan", "--out", "played")
     code, said, error = called(monkeypatch, capfd, "--json", *words)
     assert code == 0, error
-    jsonschema.validate(json.loads(said), SCHEMA)
+    ANSWER.validate(json.loads(said))
     played = gpsim.read_recording("played").episodes
     assert [len(e) for e in played] == [2, 2]
     assert np.concatenate([e.actions[:, 0] for e in played]) == pytest.approx(commands)

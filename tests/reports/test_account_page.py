@@ -19,6 +19,8 @@ from gpsim.reports.account import account_of
 from gpsim.reports.account_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
 
+pytestmark = pytest.mark.pictures
+
 STATE = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
 T = np.arange(0.0, 2.0, 0.02)
 

@@ -19,6 +19,9 @@ from gpsim.reports.loop_figures import (
     figure_returns,
     figure_rollouts,
 )
+from gpsim.reports.loop_page import render
+
+pytestmark = pytest.mark.pictures
 
 FIGURES = [
     figure_returns,
@@ -39,6 +42,12 @@ def test_no_traces_and_no_dates(make: Any, make_report: Any) -> None:
     assert b"<dc:date>" not in drawn
     assert plt.get_fignums() == []
     assert dict(matplotlib.rcParams) == before
+
+
+def test_a_page_of_the_same_data_has_the_same_bytes(make_report: Any) -> None:
+    first = render(make_report(2))
+    with matplotlib.rc_context({"font.size": 30, "axes.grid": False, "svg.hashsalt": "another"}):
+        assert render(make_report(2)) == first
 
 
 def test_png_has_the_same_bytes_and_no_program_name(make_report: Any) -> None:

@@ -31,6 +31,8 @@ from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
 from gpsim.reports.import_figure import draw_channels
 from gpsim.reports.loop_figures import figure_divergence, figure_rollouts
 
+pytestmark = pytest.mark.pictures
+
 TEX = st.text(st.sampled_from("$\\_^{}%&#~ a"), max_size=12)
 ANY = st.one_of(TEX, st.text(max_size=30), st.text(max_size=300))
 
@@ -50,7 +52,7 @@ def drawn_with(text: str) -> bytes:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=12)
 @given(text=ANY)
 @example(text=r"$\frac{$")
 @example(text="_hidden")

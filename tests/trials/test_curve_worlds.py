@@ -1,6 +1,7 @@
 """Worlds that prove measured curves: laws that no family has, what truly happens, and what counts as right."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from gpsim.trials.statistics import summarise
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 
-from .outside_worlds import slid, world_of
+from .outside_worlds import bare, slid, world_of
 
 PLACES = {
     "free_force_of_speed": ("slider", "q", "q_dot"),
@@ -36,11 +37,13 @@ def law_by_hand(x):
     return 1.5 * (sigmoid(0.7, -0.4, 0.2) + sigmoid(-0.5, 0.1, 0.3) + sigmoid(0.9, 0.6, 0.15))
 
 
-def made(kind, strength=0.8):
+@cache
+def made(kind):
+    """A world with the law, and what truly happens in it."""
     system, on, _ = PLACES[kind]
-    world = world_of(system)
-    values = CURVES[kind].drawn(Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
-    return world_of(system, [TrueEffect(kind, on, values, outside=True, strength="plain")])
+    values = CURVES[kind].drawn(Scales(*bare(system)), on, Dial(np.random.default_rng(1), 0.8))
+    world = world_of(system, [TrueEffect(kind, on, values, outside=True, strength="plain")])
+    return world, run(world, world.effects)
 
 
 @pytest.mark.parametrize(
@@ -94,18 +97,18 @@ def test_the_truth_of_a_force_against_scipy():
 
 @pytest.mark.parametrize("kind", PLACES)
 def test_a_law_of_no_size_changes_nothing_and_others_show(kind):
-    world = made(kind)
+    world, truth = made(kind)
     (effect,) = world.effects
     none = replace(effect, values={**effect.values, "size": 0.0})
-    without = run(world, ()).clean
+    without = bare(world.system)[1].clean
     np.testing.assert_allclose(run(world, [none]).clean, without, rtol=1e-12, atol=1e-12)
-    assert np.abs(run(world, [effect]).clean - without).max() > 1e-3
+    assert np.abs(truth.clean - without).max() > 1e-3
 
 
 @pytest.mark.parametrize("kind", PLACES)
 def test_the_answer_says_what_the_law_adds_where_the_recording_went(kind):
-    world = made(kind)
-    truth, k = run(world, world.effects), world.effects[0].values
+    world, truth = made(kind)
+    k = world.effects[0].values
     said = true_curve(world, truth)
     at, adds = np.array(said["at"]), np.array(said["adds"])
     assert (said["family"], said["input"]) == (CURVES[kind].quantity, PLACES[kind][2])
@@ -129,10 +132,10 @@ def test_they_have_numbers_of_their_own_and_every_kind_comes_as_often():
 
 
 def answer_of(kind):
-    world = made(kind)
+    world, truth = made(kind)
     (effect,) = world.effects
     told = {"family": effect.family, "on": effect.on, "outside": True, "parameters": dict(effect.values)}
-    curve = true_curve(world, run(world, world.effects))
+    curve = true_curve(world, truth)
     return Answer(
         {"stratum": "curves", "effects": [told], "curve": curve, "visible": True},
         [],

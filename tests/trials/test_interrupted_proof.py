@@ -6,7 +6,10 @@ import subprocess
 import sys
 import time
 
+import pytest
 
+
+@pytest.mark.slow  # of a diagnosis tests/diagnosis/test_interrupted.py shows it
 def test_asked_to_end_a_proof_says_a_line(tmp_path):
     out, rooms = tmp_path / "proof", tmp_path / "rooms"
     rooms.mkdir()

@@ -75,9 +75,9 @@ def test_a_belt_takes_the_body_along_from_any_speed(start):
 def test_a_pendulum_on_a_shaft_that_turns_swings_up_and_settles():
     """Froude's pendulum under smooth friction: it comes to rest where the shaft's torque and gravity's are equal."""
     effect = TrueEffect("running_belt", "theta", {"force": 1.5, "belt": 1.0, "speed": 0.6})
-    s, _ = driven("pendulum", BOB, effect, [0.0, 0.0], lambda t: 0.0, 30.0)
-    assert s[-1, 1] == pytest.approx(0.0, abs=1e-6)
-    assert 0.8 * 9.8 * 0.5 * np.sin(s[-1, 0]) == pytest.approx(1.5 * np.tanh(1 / 0.6), rel=1e-6)
+    s, _ = driven("pendulum", BOB, effect, [0.0, 0.0], lambda t: 0.0, 14.0)
+    assert s[-1, 1] == pytest.approx(0.0, abs=1e-4)
+    assert 0.8 * 9.8 * 0.5 * np.sin(s[-1, 0]) == pytest.approx(1.5 * np.tanh(1 / 0.6), rel=1e-4)
 
 
 def test_a_toggle_is_the_slope_of_its_springs_energy():
@@ -90,8 +90,8 @@ def test_a_toggle_is_the_slope_of_its_springs_energy():
 def test_a_toggle_snaps_to_either_side_and_rests_where_its_spring_is_relaxed():
     body = Body("slider", {"mass": 2.0}, [TrueEffect("toggle_spring", "q", TOGGLE)])
     s, none = np.array([[0.101, 0.0], [0.099, 0.0]]), np.zeros(2)
-    for _ in range(20_000):
-        s, _ = body.step(s, np.empty((2, 0)), -3.0 * s[:, 1:], none, none, H)
+    for _ in range(7000):
+        s, _ = body.step(s, np.empty((2, 0)), -8.0 * s[:, 1:], none, none, H)
     relaxed = np.sqrt(0.35**2 - 0.15**2)
     np.testing.assert_allclose(s[:, 0], [0.1 + relaxed, 0.1 - relaxed], atol=1e-4)
 

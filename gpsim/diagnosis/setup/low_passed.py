@@ -7,13 +7,12 @@ Technology 21(2)).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import butter, sosfiltfilt
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.effects import closed
@@ -47,8 +46,7 @@ class LowPassed:
 
     def actions(self, late: float) -> FloatArray:
         """(N, A): what was commanded, if commands come late by so many s."""
-        below = butter(ORDER, self.wide, output="sos")
-        parts = [sosfiltfilt(below, _held(episode, t - late), axis=0) for episode, t in self.came]
+        parts = _below(self.wide, (_held(episode, t - late) for episode, t in self.came))
         return np.concatenate([part[:: self.every] for part in parts])
 
     def heard(self, force: FloatArray, narrow: float) -> FloatArray:
@@ -56,9 +54,7 @@ class LowPassed:
 
         Nothing of a coordinate that something else pushes meanwhile, or where the filter has not settled.
         """
-        sos = butter(ORDER, narrow * self.every, output="sos")
-        parts = np.split(force, self.ends[:-1])
-        every = np.concatenate([sosfiltfilt(sos, part, axis=0) for part in parts])
+        every = np.concatenate(_below(narrow * self.every, np.split(force, self.ends[:-1])))
         rows, told = self.told(narrow)
         return np.asarray(every[rows] * told.reshape(told.shape + (1,) * (force.ndim - 2)))
 
@@ -83,7 +79,7 @@ class LowPassed:
 
 def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPassed | None:
     """The motion below a share of the Nyquist frequency; None where every stretch is too short."""
-    below, every = butter(ORDER, wide, output="sos"), max(int(1.0 / wide), 1)
+    every = max(int(1.0 / wide), 1)
     states, acceleration, came = [], [], []
     part = min(1.0, LONGEST * every / sum(len(e) for e in recording.episodes))
     for episode in recording.episodes:
@@ -91,7 +87,8 @@ def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPa
             grid = np.arange(start, start + part * (stop - start), recording.dt)
             if len(grid) < max(SHORTEST, FEWEST * every):
                 continue
-            path = CubicSpline(grid, sosfiltfilt(below, _positions(simulator, episode)(grid), axis=0))
+            (smooth,) = _below(wide, [_positions(simulator, episode)(grid)])
+            path = CubicSpline(grid, smooth)
             t = grid[1:-1]
             states.append(_states(simulator, path(t[::every]), path(t[::every], 1)))
             acceleration.append(path(t[::every], 2))
@@ -112,6 +109,14 @@ def low_passed(simulator: Simulator, recording: Recording, wide: float) -> LowPa
         wide,
         tuple(came),
     )
+
+
+def _below(share: float, parts: Iterable[FloatArray]) -> list[FloatArray]:
+    """Each of the parts (N, ...) below a share of the Nyquist frequency, without a delay."""
+    from scipy.signal import butter, sosfiltfilt  # here: most commands need not wait for it
+
+    sos = butter(ORDER, share, output="sos")
+    return [sosfiltfilt(sos, part, axis=0) for part in parts]
 
 
 def _stretches(episode: Episode, dt: float) -> list[tuple[float, float]]:

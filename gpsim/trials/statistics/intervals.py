@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from gpsim.channels import FloatArray, IntArray
 
@@ -26,6 +25,8 @@ def interval(count: int, n: int) -> list[float] | None:
     """The Wilson score interval of a share (Wilson 1927)."""
     if n == 0:
         return None
+    from scipy.stats import binomtest  # here: pages without shares need not wait for it
+
     found = binomtest(count, n).proportion_ci(LEVEL, method="wilson")
     return [round(float(found.low), 4), round(float(found.high), 4)]
 
