@@ -143,7 +143,8 @@ def test_the_file_is_what_the_schema_and_the_object_say(diagnosed):
         "own",
         "brought",
         "curve",
-    }  # of several recordings, of one's own effects, of curves alone
+        "kinematics",
+    }  # of several recordings, of one's own effects, of curves and of seen tools alone
     assert list(report) == [name for name in told["properties"] if name not in several]
     named = told["$defs"]["NamedEffect"]["properties"]
     assert list(report["effects"][0]) == [name for name in named if name not in several]
