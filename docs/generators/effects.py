@@ -9,7 +9,7 @@ from types import ModuleType
 from gpsim.diagnosis.fitting.size_prior import MOST_UNUSUAL, NATS_OF_DOUBLE_SIZE
 from gpsim.effects.effect import Effect
 from gpsim.effects.place import Place, Plausible
-from gpsim.effects.registry import CURVES, FAMILIES
+from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES
 
 from . import MADE
 
@@ -23,14 +23,8 @@ ACTS_ON = {
     "sensor": "a measured channel",
     "rate": "a state of the first order",
 }
-OF_MODELS = {
-    "payload": "a body",
-    "armature": "a joint",
-    "gravity_tilt": "`gravity`",
-    "gravity_compensation": "`gravity`",
-    "joint_offset": "a joint",
-}
-"""Where families act that only [models of bodies](../how-to/mujoco.md) know."""
+OF_MODELS = [f"`{family}`" for family, effect in CATALOGUE.items() if effect.acts_on]
+"""Families of [models of bodies](../how-to/mujoco.md)."""
 HEAD = f"""# The catalogue of effects
 
 {MADE.format(source="`gpsim/effects/registry.py`")}
@@ -41,7 +35,7 @@ In a law q is a coordinate, q' its velocity, u a command, y what a sensor says, 
 turn rate; the names of the other [symbols](../method/notation.md) are those of the parameters. In a unit, U is
 the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
-TAIL = """\
+TAIL = f"""\
 `end_stop` has one edge where a recording shows one; it and `cogging_force` are asked where a force stands out at an
 end of the way, or repeats along it. `torque_speed_limit` and `load_friction` are asked where a command is the force
 that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have the lowest or the
@@ -50,8 +44,8 @@ states that are neither a coordinate nor its velocity. `sensor_lag` is asked whe
 measured, of the one that trails the other: of readings that all trail alike it cannot be told from an actuator's lag.
 `lugre_friction` is asked where what the base simulator misses grows over a way after each reversal, and noise does not
 hide that way; its bristles are integrated exactly for an even speed, so that no stiffness asks for shorter steps. It is
-not asked of MuJoCo models. `payload`, `armature`, `gravity_tilt`, `joint_offset` and `gravity_compensation`
-(where every joint has an actuator) are for [MuJoCo models](../how-to/mujoco.md).
+not asked of MuJoCo models. For [MuJoCo models](../how-to/mujoco.md) alone are
+{", ".join(OF_MODELS)}; the last where every joint has an actuator.
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
 function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
@@ -134,7 +128,7 @@ def _row(family: str, effect: Effect) -> list[str]:
     pose = effect.places.__qualname__.startswith("PoseEffect")
     return [
         f"`{family}`",
-        "`pose`" if pose else OF_MODELS.get(family, ACTS_ON[effect.site]),
+        "`pose`" if pose else effect.acts_on or ACTS_ON[effect.site],
         _law(effect),
         ", ".join(
             dict.fromkeys(

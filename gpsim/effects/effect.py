@@ -45,6 +45,7 @@ class Effect(ABC):
     family: ClassVar[str]
     function_of: ClassVar[FunctionOf]
     noun: ClassVar[str] = ""  # what people call it, where that is not the family's name with spaces
+    acts_on: ClassVar[str] = ""  # where, in a model of bodies; else its site says so
     site: ClassVar[Site]
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?

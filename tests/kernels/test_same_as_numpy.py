@@ -37,7 +37,7 @@ from gpsim.diagnosis.form.laws import (
     HatGate,
 )
 from gpsim.diagnosis.run import Run, Workers
-from gpsim.effects import FAMILIES, Chain, Effect, Gate, Place, Shape, Term, declared
+from gpsim.effects import FAMILIES, Chain, Effect, Gate, ModelEffect, Place, Shape, Term, declared
 from gpsim.kernels import marching, program_of, tables
 from gpsim.simulators import SIMULATORS, Slider, make_simulator, reduced, wrapping
 
@@ -233,12 +233,7 @@ def test_threads_make_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert said[0].tobytes() == said[1].tobytes()
 
 
-OF_BODIES = {
-    "armature",
-    "gravity_compensation",
-    "gravity_tilt",
-    "payload",
-}  # for simulators that own their steps
+OF_BODIES = {f for f, e in FAMILIES.items() if isinstance(e, ModelEffect)}  # simulators own their steps
 COMPILED = set(FAMILIES) - OF_BODIES - {"overflow"}  # which acts on users' own simulators, in Python anyway
 
 

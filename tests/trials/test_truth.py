@@ -158,13 +158,7 @@ def test_a_free_pendulum_keeps_its_energy():
 def test_no_kind_outside_is_a_family_of_the_catalogue():
     from gpsim.effects import FAMILIES
 
-    of_models = {
-        "armature",
-        "gravity_compensation",
-        "gravity_tilt",
-        "joint_offset",
-        "payload",
-    }  # drawn for robots
+    of_models = {family for family, effect in FAMILIES.items() if effect.acts_on}  # drawn for robots
     of_users = {"overflow"}  # acts on simulators of the first order, which no world has
     assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
     assert not set(outside.KINDS) & set(FAMILIES)

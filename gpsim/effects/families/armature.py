@@ -16,6 +16,7 @@ class Armature(ModelEffect):
     """Inertia of a rotor, reflected to its joint."""
 
     family: ClassVar[str] = "armature"
+    acts_on: ClassVar[str] = "a joint"
     sentence: ClassVar[str] = "rotor inertia of {inertia} on {on} was left out"
     usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "nothing"

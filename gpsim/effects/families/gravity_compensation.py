@@ -19,6 +19,7 @@ class GravityCompensation(ModelEffect):
     """
 
     family: ClassVar[str] = "gravity_compensation"
+    acts_on: ClassVar[str] = "`gravity`"
     sentence: ClassVar[str] = "the controller adds {share} times the torque against gravity to its commands"
     function_of: ClassVar[FunctionOf] = "nothing"
     noun: ClassVar[str] = "gravity compensation"

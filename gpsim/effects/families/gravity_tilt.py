@@ -17,6 +17,7 @@ class GravityTilt(ModelEffect):
     """Gravity in a base that was turned by roll about its x, then by pitch about its y."""
 
     family: ClassVar[str] = "gravity_tilt"
+    acts_on: ClassVar[str] = "`gravity`"
     sentence: ClassVar[str] = "the base is tilted by a roll of {roll} and a pitch of {pitch}"
     function_of: ClassVar[FunctionOf] = "nothing"
     noun: ClassVar[str] = "a tilt of gravity"

@@ -17,6 +17,7 @@ class JointOffset(SensorEffect):
     """An encoder's zero: y + o, for the log and for the joint's own servo."""
 
     family: ClassVar[str] = "joint_offset"
+    acts_on: ClassVar[str] = "a joint"
     sentence: ClassVar[str] = "the zero of {on} is off by {offset}"
     function_of: ClassVar[FunctionOf] = "reading"
     noun: ClassVar[str] = "joint offset"

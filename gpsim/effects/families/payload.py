@@ -16,6 +16,7 @@ class Payload(ModelEffect):
     """A point mass at x, y, z of the frame of a body that carries it."""
 
     family: ClassVar[str] = "payload"
+    acts_on: ClassVar[str] = "a body"
     sentence: ClassVar[str] = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out"
     function_of: ClassVar[FunctionOf] = "nothing"
     plausible: ClassVar[Mapping[str, Plausible]] = {
