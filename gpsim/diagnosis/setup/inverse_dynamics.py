@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, objective
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, objective, state_jacobian
 from gpsim.diagnosis.setup.low_passed import USUAL, LowPassed, low_passed
 from gpsim.effects import Effect, EffectParameter, ForceEffect, Term, closed
 from gpsim.recordings import Recording
@@ -44,6 +44,9 @@ MASS, STIFF = ".mass", ".kp"
 """How the parameters of a MuJoCo model end that are masses of bodies, and gains of position servos."""
 SLIGHT = 0.01  # of a gain, below which filters and a clock's grid explain it as well
 UNKNOWN, FACTOR = 0.5, (-0.9, 2.0)  # by which a servo's gain is usually off, and may be: few makers say it
+
+
+CLOSEST, STARTS = 4, 3  # of what bands say, that are compared with start states fitted, in so many steps
 
 
 def is_row(effect: Effect) -> bool:
@@ -82,9 +85,20 @@ def by_inverse_dynamics(
             forces = Forces(problem, recording.dt, motion, rows)
             for below in narrow:
                 found += Regression(forces, below, tuple(delays)).found(others)
-    off = [objective(problem, problem.residuals(h, h.theta[None], starts)[0]) for h in found]
-    best = int(np.argmin(off))
+    left = [problem.residuals(h, h.theta[None], starts)[0] for h in found]
+    near = [int(i) for i in np.argsort([objective(problem, one) for one in left])[:CLOSEST]]
+    best = _likeliest(problem, found, left, near)
     return found[best] if best else None
+
+
+def _likeliest(
+    problem: Problem, found: Sequence[Hypothesis], left: Sequence[FloatArray], near: Sequence[int]
+) -> int:
+    """Which of those near the best is likeliest, its start states fitted: noisy speeds decide between them else."""
+    starts, first = problem.windows.measured[:, 0], near[0]
+    known = state_jacobian(problem, found[first], starts, left[first])
+    fits = [fit(problem, found[i].frozen(), starts, iterations=STARTS, known=known) for i in near]
+    return near[int(np.argmin([f.objective for f in fits]))]
 
 
 @dataclass(frozen=True)
