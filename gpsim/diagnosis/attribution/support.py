@@ -18,7 +18,7 @@ from gpsim.diagnosis.attribution.less import fits_without, without_all
 from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.twins import unsure_twins
-from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit, quadratic
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import lean, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
@@ -187,9 +187,7 @@ def holds_in_halves(problem: Problem, leader: Fit, less: Fit, index: int) -> boo
     acts = np.flatnonzero(_acts(problem, leader, less))
     if len(acts) < 2 * FEWEST_WINDOWS_OF_A_HALF:
         return True
-    robot = whole_robot(problem, leader.hypothesis) and quadratic(problem, leader).smooth[index]
-    half = _half_of_a_robot if robot else _half
-    halves = [half(problem, leader, less, index, rows) for rows in _halves(problem, acts)]
+    halves = [_half(problem, leader, less, index, rows) for rows in _halves(problem, acts)]
     if not all(better for _, _, better in halves):
         return False
     (one, first, _), (other, second, _) = halves
@@ -225,20 +223,6 @@ def _half(
     bare = fit(part, less.hypothesis.frozen(), less.starts[rows], iterations=schedules.SETTLE)
     better = bare.objective - found.objective > len(alone.parameters)  # Akaike (1974)
     return found.hypothesis.theta, curvature(part, found).variance, bool(better)
-
-
-def _half_of_a_robot(
-    problem: Problem, leader: Fit, less: Fit, index: int, rows: IntArray
-) -> tuple[FloatArray, FloatArray, bool]:
-    """The same by the quadratic around the leader, in which all else adapts, too: a fit of each half is dear."""
-    around = quadratic(problem, leader)
-    at = around.rows[index]
-    theta = around.learnt_from(rows).theta
-    none = leader.hypothesis.theta - around.away
-    variance = np.linalg.pinv(around.information[rows].sum(axis=0) + around.held)[at, at]
-    away = theta[at] - none[at]
-    gain = 0.5 * float(away @ np.linalg.solve(variance + TINY * np.eye(len(away)), away))
-    return theta[at], np.diag(variance), gain > len(away)
 
 
 def _alone(hypothesis: Hypothesis, index: int) -> Hypothesis:
