@@ -48,18 +48,21 @@ def alike(
     problem: Problem, recording: Recording, told: Hypothesis, offers: Sequence[Candidate]
 ) -> list[Alike]:
     """Whatever could stand in the place of a rotor, a body or a gain that is told; empty where motion does not tell."""
-    simulator, asked = problem.simulator, [i for i, t in enumerate(told.terms) if _is_asked(t, offers)]
+    simulator, asked = problem.simulator, [i for i in range(len(told.terms)) if _is_asked(told, i, offers)]
     if closed(simulator) is None or not asked or len(simulator.state) != 2 * len(simulator.coordinates):
         return []
     motion = low_passed(simulator, recording, WIDE)
     if motion is None:
         return []
-    is_rows = [is_row(t.effect) and len(t.values) == 1 and not t.gate for t in told.terms]
+    is_rows = [
+        is_row(t.effect) and len(declared) == 1 == len(t.values) and not t.gate and not t.owners
+        for t, declared in zip(told.terms, told.declared, strict=True)
+    ]
     rows = told
     for i in reversed(range(len(told.terms))):
         rows = rows if is_rows[i] else rows.without(i)
     regression = Regression(Forces(problem, recording.dt, motion, rows), NARROW, ())
-    late = max((t.values["delay"] for t in told.terms if t.family == "actuator_delay"), default=0.0)
+    late = max((t.values.get("delay", 0.0) for t in told.terms if t.family == "actuator_delay"), default=0.0)
     return _found(regression, late, told, [i for i, row in enumerate(is_rows) if row], asked, offers)
 
 
@@ -75,7 +78,11 @@ def _found(
     if parts[0].columns.shape[1] < 2 * len(told.parameters):
         return []
     bodies = {i: _candidate(told.terms[i], offers) for i in asked if i not in rows}
-    own = {i: regression.part(Offer(c), _values(told.terms[i], c), late) for i, c in bodies.items() if c}
+    own = {
+        i: regression.part(Offer(c, told.terms[i].also), _values(told.terms[i], c), late)
+        for i, c in bodies.items()
+        if c
+    }
     parts += own.values()
     root = np.sqrt(least_squares(regression.lacks(late), parts).left)
     of_rows = _flat(parts[0].columns, root)
@@ -110,9 +117,11 @@ def _standing_in(
     return [one for _, one in sorted(found, key=lambda pair: pair[0])[:MOST]]
 
 
-def _is_asked(term: Term, offers: Sequence[Candidate]) -> bool:
-    """Whether it is a rotor, a body or a gain."""
-    return not term.gate and (term.family == "armature" or _candidate(term, offers) is not None)
+def _is_asked(told: Hypothesis, index: int, offers: Sequence[Candidate]) -> bool:
+    """Whether it is a rotor, a body or a gain that was fitted, to all recordings alike."""
+    term = told.terms[index]
+    alone = term.gate or term.owners or not told.declared[index]
+    return not alone and (term.family == "armature" or _candidate(term, offers) is not None)
 
 
 def _candidate(term: Term, offers: Sequence[Candidate]) -> Candidate | None:
