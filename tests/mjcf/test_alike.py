@@ -1,5 +1,7 @@
 """What may stand in another's place: the rotor of a slider is its cart's mass, and one of a hinge is no body's."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from gpsim.diagnosis.fitting import Hypothesis, child_of
 from gpsim.diagnosis.report import Estimate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import alike, offers_of, prepare
+from gpsim.effects.own import own_name
 from gpsim.reports.diagnosis_text import combination_text
 from gpsim.reports.wording import _with_directions
 from gpsim.stages.diagnose import Task, open_recording
@@ -75,3 +78,11 @@ def test_the_carts_mass_is_its_rotors_rival_as_well_and_no_rotor_of_a_hinge_is_a
     said = _pairs(question, _told(question, ("parameter_offset", "cart.mass", 1.0 + ROTOR / 2.0)))
     assert said == {("cart.mass", "rail"): pytest.approx(ROTOR, rel=0.02)}
     assert not _pairs(question, _told(question, ("armature", "hinge", 0.05)))
+
+
+def test_what_is_fixed_or_one_recordings_own_is_not_asked(question):
+    told = _told(question, ("armature", "rail", ROTOR))
+    assert not _pairs(question, told.frozen())
+    (term,) = told.terms
+    own = replace(told, terms=(replace(term, values={own_name(n, 0): v for n, v in term.values.items()}),))
+    assert not _pairs(question, own)
