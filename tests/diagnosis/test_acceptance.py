@@ -30,6 +30,7 @@ def test_a_richer_law_needs_less_than_one_more_term_where_noise_is_heavy(
     """Stribeck friction was once called Coulomb's, `probability 0.0001`, though it was a thousand times likelier."""
     for fit, left in ((richer, 0.99), (poorer, 1.0)):
         fit.residuals, fit.variance = np.array([left]), np.array([left])
+    monkeypatch.setattr(acceptance, "_of_every_joint", lambda *_: False)
     monkeypatch.setattr(acceptance, "on_its_grid", lambda problem, less, more: less)
     monkeypatch.setattr(acceptance, "_in_one_window", lambda *_: False)
     monkeypatch.setattr(acceptance, "_held", lambda *_: [0.5])
@@ -52,6 +53,7 @@ def weighed(monkeypatch, removed, nats, *, white=0.5, better=False, one_window=F
     poorer = found(0.0, "coulomb_friction" if better else "spring", numbers=1)
     for fit, left in ((richer, 1.0 - removed), (poorer, 1.0)):
         fit.residuals, fit.variance = np.array([left]), np.array([left])
+    monkeypatch.setattr(acceptance, "_of_every_joint", lambda *_: False)
     monkeypatch.setattr(acceptance, "on_its_grid", lambda problem, less, more: less)
     monkeypatch.setattr(acceptance, "_in_one_window", lambda *_: one_window)
     monkeypatch.setattr(acceptance, "gain", lambda *_: nats)

@@ -9,12 +9,12 @@ import pytest
 import yaml
 from mjcf_models import DOUBLE, written
 
-from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, scores
+from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, is_row, scores
 from gpsim.diagnosis.fitting.descent import Descent
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine, whole_robot
 from gpsim.diagnosis.selection.refit import _pardoned
-from gpsim.diagnosis.setup import by_inverse_dynamics, is_row, is_structure, offers_of, prepare
+from gpsim.diagnosis.setup import by_inverse_dynamics, is_structure, offers_of, prepare
 from gpsim.diagnosis.setup.guesses import speed_of
 from gpsim.effects import effect_of
 from gpsim.stages.diagnose import Task, open_recording

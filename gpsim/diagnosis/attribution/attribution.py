@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.importance import importances, players
 from gpsim.diagnosis.attribution.judges import Judge, rollout_judge, window_judge
-from gpsim.diagnosis.attribution.less import fits_without
+from gpsim.diagnosis.attribution.less import accounts_without
 from gpsim.diagnosis.attribution.roles import deciding, growth, role_of, sure_rows
 from gpsim.diagnosis.attribution.shares import Mismatch
 from gpsim.diagnosis.fitting import Fit
@@ -72,7 +72,7 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     squares, whole = judge.squares([judge.leaders, [leader.hypothesis]])
     overall, all_of_it = mismatch.overall(squares), mismatch.overall(whole)
     explained = _explained(mismatch, squares, problem.simulator.state.names, judge.judged_on, counts)
-    without = judge.squares([[f.hypothesis] for f in fits_without(problem, leader, null)])
+    without = judge.squares([[less] for less in accounts_without(problem, leader, null)])
     lost = all_of_it - mismatch.overall(without)
     dear = closed(problem.simulator) is not None
     parts = importances(judge, leader.hypothesis, all_of_it, overall, lost[:, 0], dear=dear)

@@ -6,11 +6,10 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.shares import LOW, TINY, Mismatch
-from gpsim.diagnosis.fitting import Fit, Problem, correlation_time, quadratic
+from gpsim.diagnosis.fitting import Fit, Problem, correlation_time, is_row, quadratic
 from gpsim.diagnosis.report import Role, Share
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import AttributionSettings
-from gpsim.diagnosis.setup import is_row
 
 NEEDED_OF_LEFT = 5.0
 """Or times what the account leaves, if that is less: with clean sensors little is left (by hand, on 48 rough worlds

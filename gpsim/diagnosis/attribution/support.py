@@ -7,22 +7,23 @@ explained with it than without.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
-from gpsim.diagnosis.attribution.less import fits_without, without_all
+from gpsim.diagnosis.attribution.less import accounts_without, fit_without, without_all
 from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.twins import unsure_twins
-from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit, is_row
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import lean, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
-from gpsim.diagnosis.setup import Question, is_row
+from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
 
 HARMS = 0.003
@@ -59,8 +60,9 @@ def supported(
             problem.run.trace.note(*names, False, "a plainer law does as well")
             leader = lean(problem, plain)  # what paid by its gate alone does not pay without it
             continue
-        less = fits_without(problem, leader, null)
-        free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
+        less = partial(fit_without, problem, leader, null)
+        parts = accounts_without(problem, leader, null)
+        free = [i for i, part in enumerate(parts) if not required_in(problem, leader, part)]
         robot = whole_robot(problem, leader.hypothesis)
         unseen = _unseen(problem, leader, found, _of_no_joint(leader, free) if robot else free)
         if len(unseen) > 1:
@@ -73,9 +75,9 @@ def supported(
         if said is None:
             return leader if leader is before or robot else lean(problem, leader)
         index, why = said
-        names = (leader.hypothesis.names, less[index].hypothesis.names)
+        names = (leader.hypothesis.names, parts[index].names)
         problem.run.trace.note(*names, False, why)
-        leader = less[index]
+        leader = less(index)
     return leader
 
 
@@ -83,7 +85,7 @@ def _unsupported(
     problem: Problem,
     leader: Fit,
     found: Attribution,
-    less: Sequence[Fit],
+    less: Callable[[int], Fit],
     free: Sequence[int],
     structured: bool,
 ) -> tuple[int, str] | None:
@@ -95,7 +97,7 @@ def _unsupported(
 
     twins = [i for i in unsure_twins(problem, leader) if i in free]
     if twins:
-        cheapest = min(twins, key=lambda i: less[i].objective)
+        cheapest = min(twins, key=lambda i: less(i).objective)
         return cheapest, "a gain and the inertia that it moves: the recording shows their ratio"
     asked = [i for i in free if found.grows[i] < GROWS]  # no channel surely needs it
     harm = [i for i in asked if needed[i] < -HARMS and _most(found.needed[i]) < 0.0]
@@ -119,7 +121,7 @@ def _unsupported(
     if strange:
         return least(strange, "slight, unusual, and less than what is left")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
-    answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
+    answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less(i), i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
     return least(fails, "one half alone supports it") if fails else None
 

@@ -26,6 +26,7 @@ from gpsim.diagnosis.fitting.evidence import (
 )
 from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.fitting.joint_rows import FREE_ROW, expected, is_row
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, objective, window_costs
@@ -36,6 +37,7 @@ from gpsim.diagnosis.fitting.simulate import simulate
 
 __all__ = [
     "FINER_GAIN",
+    "FREE_ROW",
     "TOLERATED_NOISE",
     "TOLERATED_STEP_ERROR",
     "USUAL_SUBSTEP",
@@ -59,6 +61,7 @@ __all__ = [
     "damped_step",
     "dry_steps",
     "enough_substeps",
+    "expected",
     "fit",
     "fit_all",
     "fit_near",
@@ -67,6 +70,7 @@ __all__ = [
     "growth",
     "has_sensors",
     "inexact",
+    "is_row",
     "jacobians",
     "mean_squares",
     "numerical_error",

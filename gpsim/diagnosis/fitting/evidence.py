@@ -12,6 +12,7 @@ from scipy.special import stdtr
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
+from gpsim.diagnosis.fitting.joint_rows import FREE_ROW, free
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
 from gpsim.diagnosis.fitting.size_prior import size_prior
@@ -65,10 +66,8 @@ def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
 def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
     """Nats that the additional parameters cost; each gate has edges, which count, too."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
-    extra = richer.hypothesis.size - poorer.hypothesis.size
-    extra += _gate_parameters(richer) - _gate_parameters(poorer)
     effective = float((problem.counts / tau)[problem.observed].sum())
-    return float(extra / 2 * np.log(max(effective, 2.0)))
+    return _size_price(problem, richer, effective) - _size_price(problem, poorer, effective)
 
 
 def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
@@ -77,29 +76,29 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     A priori every further effect is as improbable as that it is this one of dozens, and so is a size that no machine
     has.
     """
-    best = min(fits, key=lambda f: f.objective + _price(problem, f))
+    every = float(problem.counts.sum())
+    best = min(fits, key=lambda f: f.objective + _price(problem, f, every))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
     effective = float((problem.counts / tau)[problem.observed].sum())
-    size = [f.hypothesis.size + _gate_parameters(f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
-    terms = np.array([len(f.hypothesis.terms) for f in fits])
-    per_term = problem.run.settings.acceptance.per_term
-    size_price = np.array(size) / 2 * np.log(max(effective, 2.0))
+    priced = np.array([_price(problem, f, effective) for f in fits])
     lacking = np.array([len(problem.run.known.lacking(f.hypothesis.claims)) for f in fits])
     unusual = np.array([size_prior(f.hypothesis) for f in fits])
-    return np.asarray(np.array(nats) - per_term * terms - size_price - unusual - RULED_OUT * lacking)
+    return np.asarray(np.array(nats) - priced - unusual - RULED_OUT * lacking)
 
 
-def _price(problem: Problem, fit: Fit) -> float:
-    size = fit.hypothesis.size + _gate_parameters(fit)
-    per_term = problem.run.settings.acceptance.per_term
-    return per_term * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
+def _price(problem: Problem, fit: Fit, effective: float) -> float:
+    """Nats that an account costs by its terms and their parameters, with so many effective samples."""
+    terms = len(fit.hypothesis.terms) - free(problem, fit.hypothesis)
+    return problem.run.settings.acceptance.per_term * terms + _size_price(problem, fit, effective)
 
 
-def _gate_parameters(fit: Fit) -> int:
-    """Parameters that the edges of its gates count as."""
+def _size_price(problem: Problem, fit: Fit, effective: float) -> float:
+    """The part of it that parameters cost, the edges of gates among them."""
+    rows = free(problem, fit.hypothesis)
     gates = sum(bool(term.gate) for term in fit.hypothesis.terms)
-    return PARAMETERS_OF_A_GATE * gates
+    size = fit.hypothesis.size + PARAMETERS_OF_A_GATE * gates - rows
+    return float(FREE_ROW * rows + size / 2 * np.log(max(effective, 2.0)))
 
 
 def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.fitting import is_row
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import misses, surely_below
 from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
 from gpsim.diagnosis.settings import Settings
-from gpsim.diagnosis.setup import is_row
 
 JOINTS = 2  # whose friction, or rotor, is known, beside which another's of unknown size is no claim
 

@@ -20,7 +20,8 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 All others are refused: `too small a share`. The worlds that show what each rule protects against are in
 docs/method/acceptance.md.
 
-Before all of them: `no place`, a region or an onset of the richer one that the poorer one lacks holds hardly any of the
+Before all of them: `every joint`, what is left of friction or rotors that most joints of a robot have, taken where it
+gains anything. `no place`, a region or an onset of the richer one that the poorer one lacks holds hardly any of the
 samples, or nearly all, and is refused: it is a moment, or no gate at all. And `required`: what lacks an effect that the
 user requires loses to what has it.
 
@@ -38,6 +39,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
     Fit,
     Problem,
+    expected,
     fit,
     gain,
     mean_squares,
@@ -81,6 +83,7 @@ class Rule(StrEnum):
     TOO_SMALL_A_SHARE = "too small a share"
     REQUIRED = "required"
     NO_PLACE = "no place"
+    EVERY_JOINT = "every joint"
 
 
 @dataclass(frozen=True)
@@ -138,6 +141,8 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     more, fewer = (len(known.lacking(f.hypothesis.claims)) for f in (poorer, richer))
     if more != fewer:
         return Acceptance(more > fewer, Rule.REQUIRED, nats, share)
+    if _of_every_joint(problem, richer, poorer):
+        return Acceptance(nats > 0.0, Rule.EVERY_JOINT, nats, share)
     if richer.hypothesis.idle:
         return Acceptance(False, Rule.DOES_NOTHING, nats, share)
     if nats < thresholds.per_term:
@@ -150,6 +155,15 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     return Acceptance(
         rule is Rule.GOOD_SHARE, rule, nats, share, on_trial=rule in (Rule.SLIGHT_SHARE, Rule.BETTER_LAW)
     )
+
+
+def _of_every_joint(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether all that the richer one has besides are rows that most of its robot's joints have."""
+    alike = expected(problem, richer.hypothesis)
+    new = [
+        i for i, t in enumerate(richer.hypothesis.terms) if (t.family, t.on) not in poorer.hypothesis.claims
+    ]
+    return bool(new) and alike.issuperset(new) and poorer.hypothesis.claims < richer.hypothesis.claims
 
 
 def _held(problem: Problem, richer: Fit, poorer: Fit) -> list[float]:

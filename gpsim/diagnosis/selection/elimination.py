@@ -8,13 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.diagnosis.fitting import (
+    FREE_ROW,
     Fit,
     Hypothesis,
     Order,
     Problem,
     correlation_time,
+    expected,
     fit_all,
     fit_order,
+    is_row,
     quadratic,
     rescored,
     scores,
@@ -25,7 +28,6 @@ from gpsim.diagnosis.selection.acceptance import LEAST_PART, pays
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.selection.gates import NEAR_REACH
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import is_row
 from gpsim.effects import Gate, closed
 from gpsim.recordings import evenly
 
@@ -106,9 +108,10 @@ def doubtful(problem: Problem, leader: Fit) -> list[int]:
     around = quadratic(problem, leader)
     tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
     needed = max(SURELY_NEEDED * tau, SURELY_NEEDED_SHARE * float(problem.counts.sum()) / 2)
-    costs = around.costs()
+    costs, alike = around.costs(), expected(problem, leader.hypothesis)
+    least = [FREE_ROW * tau if i in alike else needed for i in range(count)]
     order = [int(i) for i in np.argsort(costs)]
-    return [i for i in order if not (around.smooth[i] and costs[i] > needed)]
+    return [i for i in order if not (around.smooth[i] and costs[i] > least[i])]
 
 
 def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:

@@ -19,7 +19,7 @@ def prune_on_held_out(question: Question, contenders: Contenders) -> Contenders:
     """The leader with what it needs alone; the base simulator is integrated as it is from here on."""
     problem, leader, null = question.everything, contenders.leader, contenders.null
     while leader.hypothesis.terms:
-        parts = [p for p in without_a_term(problem, leader) if not required_in(problem, leader, p)]
+        parts = [p for p in without_a_term(problem, leader) if not required_in(problem, leader, p.hypothesis)]
         less = [f for f, needed in zip(parts, _needed(question, leader, parts), strict=True) if not needed]
         if not less:
             break

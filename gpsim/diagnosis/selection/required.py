@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Problem, child_of, fit, screened
+from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, Problem, child_of, fit, screened
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 
@@ -32,10 +32,10 @@ def does_nothing(leader: Fit, part: Fit) -> bool:
     return part.objective - leader.objective < NOTHING_GAINED * free
 
 
-def required_in(problem: Problem, leader: Fit, part: Fit) -> bool:
+def required_in(problem: Problem, leader: Fit, part: Hypothesis) -> bool:
     """Whether a part of the leader lacks what is required and the leader has."""
     known = problem.run.known
-    return len(known.lacking(part.hypothesis.claims)) > len(known.lacking(leader.hypothesis.claims))
+    return len(known.lacking(part.claims)) > len(known.lacking(leader.hypothesis.claims))
 
 
 def without_idle(question: Question, leader: Fit) -> Question:

@@ -22,6 +22,7 @@ from gpsim.diagnosis.fitting import (
     fit_all,
     fit_near,
     fit_order,
+    is_row,
     rescored,
     scores,
     screened,
@@ -57,7 +58,7 @@ from gpsim.diagnosis.selection.reconsidered import reconsidered
 from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question, is_row
+from gpsim.diagnosis.setup import Question
 from gpsim.effects import Effect, LooksAt, closed, effect_of
 
 AGAIN_BUDGET = 4e7

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.fitting import (
+    FREE_ROW,
     Candidate,
     Fit,
     Hypothesis,
@@ -24,14 +25,16 @@ from gpsim.diagnosis.fitting import (
     Problem,
     Quadratic,
     child_of,
+    expected,
     fit_all,
     fit_order,
+    is_row,
     quadratic,
     scores,
 )
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_row, is_structure
+from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_structure
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
@@ -159,7 +162,8 @@ def _spare(problem: Problem, around: Quadratic, gone: Sequence[int], index: int)
     """Whether a term may go together with those that are gone, without a fit between them."""
     cost = around.cost([*gone, index])
     if _dear(problem):
-        return cost - (around.cost(gone) if gone else 0.0) < CHEAP
+        alike = index in expected(problem, around.fit.hypothesis)
+        return cost - (around.cost(gone) if gone else 0.0) < (FREE_ROW if alike else CHEAP)
     return cost < FREE
 
 

@@ -3,7 +3,7 @@
 from gpsim.diagnosis.setup.alike import Alike, alike
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_row, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_structure
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -27,7 +27,6 @@ __all__ = [
     "completed",
     "filters",
     "flagged",
-    "is_row",
     "is_structure",
     "look",
     "look_at",

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
 from gpsim.diagnosis.setup.force_parts import HELD, Offer, Part, least_squares
-from gpsim.diagnosis.setup.inverse_dynamics import Forces, Regression, is_row, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import Forces, Regression, is_structure
 from gpsim.diagnosis.setup.low_passed import low_passed
 from gpsim.effects import Term, closed
 from gpsim.recordings import Recording

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, objective, state_jacobian
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, is_row, objective, state_jacobian
 from gpsim.diagnosis.setup.force_parts import (
     GAIN,
     HELD,
@@ -47,11 +47,6 @@ TWICE = 2.0  # times as much is the most: what is noisy is foreseen best by next
 ROW = 3.0  # times its usual start, that a joint's row may well be
 UNKNOWN, FACTOR = 0.5, (-0.9, 2.0)  # by which a servo's gain is usually off, and may be: few makers say it
 CLOSEST, STARTS = 4, 3  # of what bands say, that are compared with start states fitted, in so many steps
-
-
-def is_row(effect: Effect) -> bool:
-    """Whether it is one of what every joint of a robot usually has: friction, a motor's inertia, an offset."""
-    return bool(effect.usual) and (effect.site == "force" or effect.family == "armature")
 
 
 def is_structure(candidate: Candidate) -> bool:

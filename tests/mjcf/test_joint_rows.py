@@ -1,0 +1,80 @@
+"""What most joints of a robot have costs next to nothing at the others."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from mjcf_models import written
+
+from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, price
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import Rule, accepts
+from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.stages.diagnose import Task, open_recording
+
+JOINTS = ("one", "two", "three", "four")
+DT, SAMPLES, VISCOUS = 0.02, 200, 0.2
+
+
+def _model() -> str:
+    body = ""
+    for name in reversed(JOINTS):
+        joint = f'<joint name="{name}" axis="0 1 0" damping="0"/>'
+        mass = '<inertial mass="0.5" pos="0 0 -0.1" diaginertia="0.01 0.01 0.01"/>'
+        body = f'<body name="link_{name}" pos="0 0 -0.2">{joint}{mass}{body}</body>'
+    motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in JOINTS)
+    return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+
+
+@pytest.fixture(scope="module")
+def chain(tmp_path_factory):
+    """A chain of four joints that rub alike; its question and offers."""
+    folder, rng = tmp_path_factory.mktemp("chain"), np.random.default_rng(5)
+    model = mujoco.MjModel.from_xml_string(_model())
+    model.dof_damping[:] = VISCOUS
+    data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
+    rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
+    for k in range(SAMPLES):
+        data.ctrl[:] = 0.8 * np.sin(np.array([3.0, 4.0, 5.0, 6.0]) * k * DT)
+        seen = np.concatenate([data.qpos, data.qvel]) + 1e-4 * rng.normal(size=8)
+        rows.append(",".join(f"{v:.7f}" for v in (0, k * DT, *seen, *data.ctrl)))
+        mujoco.mj_step(model, data, round(DT / model.opt.timestep))
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
+    meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-4)}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    written(folder, _model())
+    recording, simulator = open_recording(Task(folder, None))
+    question = prepare(recording, simulator, simulator.defaults(), Run())
+    return question.searched, offers_of(question)
+
+
+def _with(offers, family, joints, size):
+    account = Hypothesis()
+    for on in joints:
+        (candidate,) = [c for c in offers if (c.family, c.place.on, c.variant) == (family, on, "")]
+        account = child_of(account, candidate, (size,))
+    return account
+
+
+@pytest.mark.parametrize(("count", "alike"), [(1, 0), (2, 0), (3, 3), (4, 4)])
+def test_friction_is_expected_where_more_than_half_of_the_joints_have_it(chain, count, alike):
+    problem, offers = chain
+    assert len(expected(problem, _with(offers, "viscous_friction", JOINTS[:count], 0.1))) == alike
+    assert not expected(problem, _with(offers, "constant_force", JOINTS[:count], 0.1))
+
+
+def test_the_last_joints_friction_costs_little_and_stays_where_it_gains_anything(chain):
+    problem, offers = chain
+    fits = []
+    for count in (1, 2, 3, 4):
+        account = _with(offers, "viscous_friction", JOINTS[:count], VISCOUS)
+        fits.append(fit(problem, account, problem.windows.measured[:, 0], iterations=4))
+    assert price(problem, fits[3], fits[2]) == pytest.approx(FREE_ROW)
+    assert price(problem, fits[1], fits[0]) > 2 * FREE_ROW
+    found = accepts(problem, fits[3], fits[2])
+    assert (found.ok, found.rule) == (True, Rule.EVERY_JOINT)
+    assert accepts(problem, fits[1], fits[0]).rule is not Rule.EVERY_JOINT
