@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
-from gpsim.diagnosis.attribution import Attribution, attribute, supported
+from gpsim.diagnosis.attribution import Attribution, attribute, supported, with_values_of_forces
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.judgement import (
     Judgement,
@@ -114,6 +114,8 @@ def diagnose(
     judgement = judge(question, contenders, found)
     step("support", 91, "asking each half of the recording")
     judgement = _supported(question, replace(contenders, leader=judgement.leader), found, judgement, offers)
+    leader = with_values_of_forces(question, judgement.leader, judgement.null, offers)
+    judgement = replace(judgement, leader=leader)
     step("attribute", 92, "how much of the mismatch each effect is")
     attribution = attribute(question, judgement.leader, judgement.null)
     step("compare", 94, "comparing on held-out data")

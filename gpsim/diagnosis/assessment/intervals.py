@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtri, stdtrit
+from scipy.special import chdtri, ndtri, stdtrit
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature
@@ -36,6 +36,11 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     theta = fit.hypothesis.theta
     if not theta.size:
         return np.empty((0, 2))
+    bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
+    if fit.covariance is not None:
+        half = ndtri(0.5 + level / 2) * np.sqrt(np.diag(fit.covariance))
+        edges = np.stack([theta - half, theta + half], axis=1)
+        return np.asarray(np.clip(edges, bounds[:, :1], bounds[:, 1:]))
     around = curvature(problem, fit)
     covariance = _covariance(problem, fit, around)
     shift = _numerical_shift(problem, fit, around)
@@ -47,7 +52,6 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     edges = np.array(problem.run.side_by_side(_profile, calls)).reshape(-1, 2)
     for (j, _), (first, last) in zip(jumping, edges, strict=True):
         low[j], high[j] = first, last
-    bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
 
 
@@ -68,7 +72,12 @@ def correlations(problem: Problem, fit: Fit) -> FloatArray:
 
 
 def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
-    """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
+    """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation.
+
+    Of values that forces say it is theirs.
+    """
+    if fit.covariance is not None:
+        return fit.covariance
     inverse = _inverse(around.information, UNDETERMINED)
     model, ratio = inverse * _correlated(problem, fit), np.ones(len(inverse))
     for gradients in (around.gradients, _by_runs(problem, around.gradients)):

@@ -4,6 +4,7 @@ from gpsim.diagnosis.attribution.attribution import SEED, Attribution, attribute
 from gpsim.diagnosis.attribution.judges import Judge, RolloutJudge, judge_at
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.attribution.rollout_windows import rollouts_in
+from gpsim.diagnosis.attribution.settled import with_values_of_forces
 from gpsim.diagnosis.attribution.shares import draws
 from gpsim.diagnosis.attribution.support import supported
 
@@ -19,4 +20,5 @@ __all__ = [
     "judge_at",
     "rollouts_in",
     "supported",
+    "with_values_of_forces",
 ]

@@ -57,13 +57,18 @@ def sure_rows(problem: Problem, leader: Fit) -> frozenset[int]:
     Rollouts of a bare robot end so far off that viscous friction of a light wrist is no part of that which counts; the
     windows, in which all of them are fitted together, know it well.
     """
+    rows = [is_row(t.effect) for t in leader.hypothesis.terms]
+    return frozenset(i for i in sure_terms(problem, leader, SURE_ROW) if rows[i])
+
+
+def sure_terms(problem: Problem, leader: Fit, nats: float) -> frozenset[int]:
+    """Smooth terms of a whole robot that windows need by so much, of residuals that neighbours do not share."""
     if not whole_robot(problem, leader.hypothesis):
         return frozenset()
     tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
     around = quadratic(problem, leader)
-    sure = around.costs() > SURE_ROW * tau
-    rows = [is_row(t.effect) and not t.gate for t in leader.hypothesis.terms]
-    return frozenset(int(i) for i in np.flatnonzero(sure & rows & np.array(around.smooth)))
+    sure = np.flatnonzero((around.costs() > nats * tau) & np.array(around.smooth))
+    return frozenset(int(i) for i in sure)
 
 
 def matters(needed: Share, left: float, settings: AttributionSettings) -> bool:

@@ -26,7 +26,8 @@ class Fit:
     """A fitted hypothesis.
 
     residuals: (W, L + 1, S); starts: (W, S); variance: (S,) of the residual, floor included; objective: negative log
-    likelihood in nats, up to a constant of the data; converged: whether it stood still.
+    likelihood in nats, up to a constant of the data; converged: whether it stood still; covariance: (P, P) of theta,
+    where something else than these windows says it.
     """
 
     hypothesis: Hypothesis
@@ -35,6 +36,7 @@ class Fit:
     variance: FloatArray
     objective: float
     converged: bool
+    covariance: FloatArray | None = None
 
 
 @dataclass(frozen=True)

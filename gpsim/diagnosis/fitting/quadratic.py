@@ -112,10 +112,11 @@ def quadratic(problem: Problem, found: Fit) -> Quadratic:
     )
     held = np.diag([_held(p) for p in hypothesis.parameters])
     ends = np.cumsum([0, *(len(group) for group in hypothesis.declared)])
+    covariance = _inverse(by_window.sum(axis=0) + held) if found.covariance is None else found.covariance
     return Quadratic(
         found,
         hypothesis.theta - np.array([p.high if p.falls else p.none for p in hypothesis.parameters]),
-        _inverse(by_window.sum(axis=0) + held),
+        covariance,
         by_state,
         by_window,
         gradients,

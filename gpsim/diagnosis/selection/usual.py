@@ -34,14 +34,13 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question, by_inverse_dynamics, is_structure
+from gpsim.diagnosis.setup import LATE, Question, by_inverse_dynamics, is_structure
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
-LATE = "actuator_delay"
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
 )

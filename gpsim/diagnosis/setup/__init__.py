@@ -1,9 +1,10 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.alike import Alike, alike
+from gpsim.diagnosis.setup.by_forces import by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import LATE, by_inverse_dynamics, is_structure
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -14,6 +15,7 @@ from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
     "FEWEST_WITHOUT_CONTACT",
+    "LATE",
     "Alike",
     "Completions",
     "LogLook",
@@ -21,6 +23,7 @@ __all__ = [
     "Sight",
     "alike",
     "apart",
+    "by_forces",
     "by_inverse_dynamics",
     "candidates",
     "check_moves",

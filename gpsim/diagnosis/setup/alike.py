@@ -15,7 +15,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
 from gpsim.diagnosis.setup.force_parts import HELD, Offer, Part, least_squares
-from gpsim.diagnosis.setup.inverse_dynamics import Forces, Regression, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import LATE, Forces, Regression, is_structure
 from gpsim.diagnosis.setup.low_passed import low_passed
 from gpsim.effects import Term, closed
 from gpsim.recordings import Recording
@@ -54,7 +54,7 @@ def alike(
     for i in reversed(range(len(told.terms))):
         rows = rows if is_rows[i] else rows.without(i)
     regression = Regression(Forces(problem, recording.dt, motion, rows), NARROW, ())
-    late = max((t.values.get("delay", 0.0) for t in told.terms if t.family == "actuator_delay"), default=0.0)
+    late = max((t.values.get("delay", 0.0) for t in told.terms if t.family == LATE), default=0.0)
     return _found(regression, late, told, [i for i, row in enumerate(is_rows) if row], asked, offers)
 
 

@@ -101,11 +101,12 @@ class Part:
 
 @dataclass(frozen=True)
 class Sized:
-    """A least squares: sizes of all columns, what is left at each joint (variances), log evidence."""
+    """A least squares: sizes of columns, what is left at each joint (variances), log evidence, covariance (P, P)."""
 
     sizes: FloatArray
     left: FloatArray
     evidence: float
+    covariance: FloatArray
 
 
 def split(parts: Sequence[Part], fit: Sized) -> list[tuple[Part, FloatArray]]:
@@ -148,4 +149,5 @@ def least_squares(lacks: FloatArray, parts: Sequence[Part], left: FloatArray | N
     more = scales[scales > 0] @ np.log1p((sizes * usual)[scales > 0])
     noise = count @ np.log(left) - 2.0 * more
     evidence = -0.5 * (noise + sizes @ sizes + np.linalg.slogdet(precision)[1])
-    return Sized(sizes * usual, left, float(evidence))
+    covariance = np.asarray(np.linalg.inv(precision) * np.outer(usual, usual), dtype=np.float64)
+    return Sized(sizes * usual, left, float(evidence), covariance)

@@ -37,6 +37,7 @@ from gpsim.recordings import Recording
 CUTOFFS = {0.5: (0.15, 0.06), 0.2: (0.06, 0.025), 0.06: (0.012,)}
 """Of the Nyquist frequency, below which motion is kept, and forces are compared: what simulates best is taken. Fast
 motion asks for a wide band, coarse encoders for a narrow one, late commands and friction for slow forces."""
+LATE = "actuator_delay"
 LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
 LATER = 0.1  # samples, by which commands come later where that is asked
 TURNS = 0.01  # of a joint's usual speed, within which dry friction is taken to turn round
@@ -180,22 +181,22 @@ class Regression:
         rows = self.rows_part()
         if rows.columns.shape[1] < 2 * len(rows.usual):
             return []
-        late, parts = self._again(self._late([rows]), [rows])
-        out = [self._hypothesis(*self._fitted(late, parts))]
+        late, parts = self.again(self._late([rows]), [rows])
+        out = [self._hypothesis(*self.fitted(late, parts))]
         left = [self.part(o, tuple(p.starts[0] for p in o.declared), late) for o in offered(others)]
         while left and len(parts) <= MOST and (more := self._one_more(late, parts, left)):
             assert more.offer is not None
             left = [p for p in left if p.offer and not p.offer.places & more.offer.places]
-            late, parts = self._again(self._late([*parts, more]), [*parts, more])
-        return [*out, self._hypothesis(*self._fitted(late, parts))] if len(parts) > 1 else out
+            late, parts = self.again(self._late([*parts, more]), [*parts, more])
+        return [*out, self._hypothesis(*self.fitted(late, parts))] if len(parts) > 1 else out
 
-    def _again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
+    def again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
-        every, fit, late = self._fitted(late, parts)
+        every, fit, late = self.fitted(late, parts)
         about = {p.offer: p.values(s) for p, s in split(every, fit) if p.offer}
         return late, [parts[0], *(self.part(o, v, late) for o, v in about.items())]
 
-    def _fitted(self, late: float, parts: Sequence[Part]) -> tuple[list[Part], Sized, float]:
+    def fitted(self, late: float, parts: Sequence[Part]) -> tuple[list[Part], Sized, float]:
         """Rows, bodies and how late commands come, fitted: all parts, their sizes, and how late then."""
         rows, *off = parts
         lateness = self.lateness(late)

@@ -1,0 +1,51 @@
+"""Of a robot's account: values by forces, or those that a simulation was fitted with, whatever simulates further.
+
+Least squares of forces and a fit of simulations to windows err in different ways: the former where speeds are read off
+coarse encoders, the latter where commands are torques that were measured, and noisy. Rollouts are longer than the
+windows of the fit, and tell them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.attribution.judges import rollout_judge
+from gpsim.diagnosis.fitting import Candidate, Fit, fit
+from gpsim.diagnosis.selection import whole_robot
+from gpsim.diagnosis.settings import schedules
+from gpsim.diagnosis.setup import Question, by_forces
+
+SEED = 2040  # of the draws, of which none is looked at here
+NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
+
+
+def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Sequence[Candidate]) -> Fit:
+    """The leader, or the same effects with the sizes that forces say, where rollouts end nearer with these."""
+    problem = question.everything
+    if not whole_robot(problem, leader.hypothesis):
+        return leader
+    said = by_forces(problem, question.recording, leader.hypothesis, offers)
+    judge, _ = rollout_judge(question, leader, null, np.random.default_rng(SEED))
+    counts = judge.mismatch.counts
+    if not said or not counts.any():
+        return leader
+    squares = judge.squares([[leader.hypothesis], *([sizes.account] for sizes in said)])
+    fitted, *others = [_size(one, judge.mismatch.floor)[counts].mean() for one in squares]
+    best = int(np.argmin(others))
+    names, taken = leader.hypothesis.names, bool(others[best] < fitted - NEARER)
+    problem.run.trace.note(names, names, taken, "sizes by forces", gain=float(fitted - others[best]))
+    if not taken:
+        return leader
+    account = said[best].account
+    found = fit(problem, account.frozen(), leader.starts, iterations=schedules.SETTLE)
+    return replace(found, hypothesis=account, covariance=said[best].covariance)
+
+
+def _size(squares: FloatArray, floor: FloatArray) -> FloatArray:
+    """(S,) logarithm of a channel's squares (B, S), of which noise makes so many at least."""
+    least = np.maximum(floor.sum(axis=0), np.finfo(float).tiny)
+    return np.asarray(np.log(np.maximum(squares.sum(axis=0), least)))

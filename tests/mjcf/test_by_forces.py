@@ -1,0 +1,88 @@
+"""A robot whose measured torques are noisy: forces say how large its rotors are, a fit of simulations does not."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from mjcf_models import written
+
+from gpsim.diagnosis.attribution import with_values_of_forces
+from gpsim.diagnosis.fitting import Hypothesis, child_of, fit
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import null_of
+from gpsim.diagnosis.setup import by_forces, offers_of, prepare
+from gpsim.stages.diagnose import Task, open_recording
+
+JOINTS, DT, SAMPLES = ("one", "two"), 0.01, 3000
+ROTORS, VISCOUS, NOISE = (0.05, 0.03), (0.3, 0.2), (1.2, 0.8)
+"""kg m^2, N m s/rad, and of the torques N m: half of what moves the arm."""
+
+
+def _model() -> str:
+    body = ""
+    for name in reversed(JOINTS):
+        joint = f'<joint name="{name}" axis="0 0 1" damping="0"/>'
+        mass = '<inertial mass="0.4" pos="0.1 0 0" diaginertia="0.004 0.004 0.004"/>'
+        body = f'<body name="link_{name}" pos="0.2 0 0">{joint}{mass}{body}</body>'
+    motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in JOINTS)
+    return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """The question, and the account of what is missing at half of its sizes."""
+    folder, rng = tmp_path_factory.mktemp("arm"), np.random.default_rng(8)
+    model = mujoco.MjModel.from_xml_string(_model())
+    model.dof_damping[:], model.dof_armature[:] = VISCOUS, ROTORS
+    data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
+    rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
+    tones, phases = rng.uniform(1.0, 7.0, (2, 4)), rng.uniform(0.0, 6.3, (2, 4))
+    for k in range(SAMPLES):
+        data.ctrl[:] = 0.6 * np.sin(tones * k * DT + phases).sum(axis=1)
+        seen = np.concatenate([data.qpos, data.qvel]) + 1e-3 * rng.normal(size=4)
+        told = data.ctrl + np.array(NOISE) * rng.normal(size=2)
+        rows.append(",".join(f"{v:.6f}" for v in (0, k * DT, *seen, *told)))
+        mujoco.mj_step(model, data, round(DT / model.opt.timestep))
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
+    meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-3)}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    written(folder, _model())
+    recording, simulator = open_recording(Task(folder, None))
+    question = prepare(recording, simulator, simulator.defaults(), Run())
+    offers, account = offers_of(question), Hypothesis()
+    for family, sizes in (("viscous_friction", VISCOUS), ("armature", ROTORS)):
+        for on, size in zip(JOINTS, sizes, strict=True):
+            (candidate,) = [c for c in offers if (c.family, c.place.on, c.variant) == (family, on, "")]
+            account = child_of(account, candidate, (size / 2.0,))
+    return question, offers, account
+
+
+def test_forces_say_the_sizes_within_what_they_call_uncertain(arm):
+    question, offers, account = arm
+    found = by_forces(question.everything, question.recording, account, offers)
+    assert found
+    for sizes in found:
+        off = (sizes.account.theta - np.array([*VISCOUS, *ROTORS])) / np.sqrt(np.diag(sizes.covariance))
+        assert np.abs(off).max() < 4.0
+
+
+def test_they_are_taken_where_simulations_with_them_go_further(arm):
+    question, offers, account = arm
+    problem = question.everything
+    leader = fit(problem, account, problem.windows.measured[:, 0], iterations=8)
+    null = null_of(problem, account.scheme)
+    found = with_values_of_forces(question, leader, null, offers)
+    truth = np.array([*VISCOUS, *ROTORS])
+    assert np.abs(found.hypothesis.theta / truth - 1.0).max() < 0.1
+    assert np.abs(leader.hypothesis.theta / truth - 1.0).max() > 0.3
+
+
+def test_what_forces_do_not_say_stays(arm):
+    question, offers, account = arm
+    (drag,) = [c for c in offers if (c.family, c.place.on, c.variant) == ("quadratic_drag", "one", "")]
+    dragged = child_of(account, drag, (0.1,))
+    assert by_forces(question.everything, question.recording, dragged, offers) == []
