@@ -65,8 +65,9 @@ def sure_terms(problem: Problem, leader: Fit, nats: float) -> frozenset[int]:
     """Smooth terms of a whole robot that windows need by so much, of residuals that neighbours do not share."""
     if not whole_robot(problem, leader.hypothesis):
         return frozenset()
-    tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
-    around = quadratic(problem, leader)
+    tau, around = 1.0, quadratic(problem, leader)
+    if leader.covariance is None:  # else blocks of rows have said already how much they share
+        tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
     sure = np.flatnonzero((around.costs() > nats * tau) & np.array(around.smooth))
     return frozenset(int(i) for i in sure)
 
