@@ -81,8 +81,26 @@ def test_they_are_taken_where_simulations_with_them_go_further(arm):
     assert np.abs(leader.hypothesis.theta / truth - 1.0).max() > 0.3
 
 
+def _with(account, offers, family, on, *values):
+    (candidate,) = [c for c in offers if (c.family, c.place.on, c.variant) == (family, on, "")]
+    return child_of(account, candidate, values)
+
+
 def test_what_forces_do_not_say_stays(arm):
     question, offers, account = arm
-    (drag,) = [c for c in offers if (c.family, c.place.on, c.variant) == ("quadratic_drag", "one", "")]
-    dragged = child_of(account, drag, (0.1,))
-    assert by_forces(question.everything, question.recording, dragged, offers) == []
+    lagging = _with(account, offers, "actuator_lag", "motor_one", 0.02)
+    assert by_forces(question.everything, question.recording, lagging, offers) == []
+
+
+def test_another_law_acts_with_the_value_that_it_has(arm):
+    question, offers, account = arm
+    pushed = _with(account, offers, "quadratic_drag", "one", 0.1)
+    found = by_forces(question.everything, question.recording, pushed, offers)
+    plain = by_forces(question.everything, question.recording, account, offers)
+    speed = np.abs(question.recording.episodes[0].states[:, 2])
+    alike = 0.1 * np.mean(speed**3) / np.mean(speed**2)  # viscous friction that is nearest to the drag
+    for sizes, without in zip(found, plain, strict=True):
+        assert sizes.account.theta[-1] == 0.1
+        assert sizes.covariance[-1, -1] == 0.0
+        less = without.account.theta[0] - sizes.account.theta[0]
+        assert less == pytest.approx(alike, rel=0.2)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.judges import rollout_judge
-from gpsim.diagnosis.fitting import Candidate, Fit, fit
+from gpsim.diagnosis.fitting import Candidate, Fit, Problem, correlation_time, curvature, fit
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question, by_forces
@@ -42,7 +42,14 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
         return leader
     account = said[best].account
     found = fit(problem, account.frozen(), leader.starts, iterations=schedules.SETTLE)
-    return replace(found, hypothesis=account, covariance=said[best].covariance)
+    return replace(found, hypothesis=account, covariance=_covariance(problem, leader, said[best].covariance))
+
+
+def _covariance(problem: Problem, leader: Fit, said: FloatArray) -> FloatArray:
+    """(P, P) as forces say it; of laws whose values stayed as windows do."""
+    tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
+    stayed = np.where(np.diag(said) > 0.0, 0.0, tau * curvature(problem, leader).variance)
+    return np.asarray(said + np.diag(stayed))
 
 
 def _size(squares: FloatArray, floor: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
 from gpsim.diagnosis.setup.force_parts import Offer, Part, Sized, least_squares, split
-from gpsim.diagnosis.setup.inverse_dynamics import CUTOFFS, LATE, Forces, Regression, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import CUTOFFS, LATE, Forces, Regression, is_law, is_structure
 from gpsim.diagnosis.setup.low_passed import low_passed
 from gpsim.effects import Term, closed
 from gpsim.recordings import Recording
@@ -28,7 +28,7 @@ AGAIN = 2  # times bodies are linearised where they were found
 
 @dataclass(frozen=True)
 class Sizes:
-    """An account with the values that forces say, and how uncertain these are together (P, P)."""
+    """An account with the values that forces say, and how uncertain these are together (P, P): 0 of one that stayed."""
 
     account: Hypothesis
     covariance: FloatArray
@@ -36,10 +36,14 @@ class Sizes:
 
 @dataclass(frozen=True)
 class _Asked:
-    """Which terms of an account are rows, which bodies and motors, and which one says that commands are late."""
+    """Which terms of an account are rows, which bodies and motors, which one says that commands are late.
+
+    laws: other forces, whose values stay.
+    """
 
     rows: tuple[int, ...]
     bodies: dict[int, Offer]
+    laws: tuple[int, ...]
     late: int | None
     candidate: Candidate | None
 
@@ -55,19 +59,20 @@ def by_forces(
     if closed(simulator) is None or asked is None or len(simulator.state) != 2 * len(simulator.coordinates):
         return []
     rows = account.without_all([i for i in range(len(account.terms)) if i not in asked.rows])
+    laws = tuple(account.terms[i] for i in asked.laws)
     delays = (asked.candidate,) if asked.candidate else ()
     found = []
     for wide, narrow in CUTOFFS.items():
         motion = low_passed(simulator, recording, wide)
         if motion is not None:
-            forces = Forces(problem, recording.dt, motion, rows)
+            forces = Forces(problem, recording.dt, motion, rows, laws)
             found += [_sizes(Regression(forces, below, delays), account, asked) for below in narrow]
     return _widened([sizes for sizes in found if sizes is not None])
 
 
 def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
     """What each term is; None where one of them is something else, or differs between recordings."""
-    rows, bodies, late = [], {}, []
+    rows, bodies, laws, late = [], {}, [], []
     for i, (term, declared) in enumerate(zip(account.terms, account.declared, strict=True)):
         candidate = next((c for c in offers if c.identity == term.identity), None)
         if term.gate or term.owners or candidate is None or len(declared) != len(term.values):
@@ -78,12 +83,14 @@ def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
             bodies[i] = Offer(candidate, term.also)
         elif is_row(term.effect) and len(declared) == 1:
             rows.append(i)
+        elif is_law(term):
+            laws.append(i)
         else:
             return None
     if len(late) > 1 or not rows:
         return None
     index, first = late[0] if late else (None, None)
-    return _Asked(tuple(rows), bodies, index, first)
+    return _Asked(tuple(rows), bodies, tuple(laws), index, first)
 
 
 def _widened(found: Sequence[Sizes]) -> list[Sizes]:

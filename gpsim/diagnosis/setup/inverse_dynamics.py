@@ -58,6 +58,15 @@ def is_structure(candidate: Candidate) -> bool:
     return family in ("payload", GAIN, HELD) or (family == "parameter_offset" and on.endswith((MASS, STIFF)))
 
 
+def is_law(term: Term) -> bool:
+    """Whether it is a force by position and speed, everywhere: what it does along a motion is known without a row."""
+    effect, one = term.effect, np.zeros(1)
+    if not isinstance(effect, ForceEffect) or term.gate or term.owners:
+        return False
+    values = {name: np.full(1, value) for name, value in term.values.items()}
+    return effect.force(one, one, values) is not None
+
+
 def by_inverse_dynamics(
     problem: Problem,
     recording: Recording,
@@ -99,12 +108,16 @@ def _likeliest(
 
 @dataclass(eq=False)
 class Forces:
-    """What forces the motion would have taken (N, C), with and without what may be off."""
+    """What forces the motion would have taken (N, C), with and without what may be off.
+
+    held: forces of a law that acts for sure, with the values that it has.
+    """
 
     problem: Problem
     dt: float
     motion: LowPassed
     rows: Hypothesis
+    held: tuple[Term, ...] = ()
     _found: dict[tuple[object, ...], FloatArray] = field(default_factory=dict)
 
     def lacking(self, late: float) -> FloatArray:
@@ -115,13 +128,12 @@ class Forces:
 
     def of_rows(self) -> FloatArray:
         """(N, C, P): forces of rows of size 1, each at its own joint."""
-        coordinates, names = self.problem.simulator.coordinates, self.problem.simulator.state
-        states, acceleration = self.motion.states, self.motion.acceleration
+        acceleration = self.motion.acceleration
         out = np.zeros((*acceleration.shape, len(self.rows.terms)))
         for i, (term, parameter) in enumerate(zip(self.rows.terms, self.rows.parameters, strict=True)):
-            joint = [c.name for c in coordinates].index(term.on)
-            q, v = (states[:, names.index(n)] for n in (term.on, coordinates[joint].velocity))
-            out[:, joint, i] = _of_unit_size(term.effect, parameter.name, q, v, acceleration[:, joint])
+            joint = self._joint(term)
+            moved = (*self._path(joint), acceleration[:, joint])
+            out[:, joint, i] = _of_unit_size(term.effect, parameter.name, *moved)
         return out
 
     def of_gain(self, offer: Offer, late: float) -> FloatArray:
@@ -165,7 +177,27 @@ class Forces:
         system, moved = closed(self.problem.simulator), self.motion
         assert system is not None
         told = system.lacking_force(moved.states, actions, moved.acceleration, self.problem.parameters, terms)
-        return np.nan_to_num(told, posinf=0.0, neginf=0.0)
+        return np.nan_to_num(told - self._of_held(), posinf=0.0, neginf=0.0)
+
+    def _of_held(self) -> FloatArray:
+        out = np.zeros_like(self.motion.acceleration)
+        for term in self.held:
+            values = {name: np.full(len(out), value) for name, value in term.values.items()}
+            joint, force = self._joint(term), None
+            if isinstance(term.effect, ForceEffect):
+                force = term.effect.force(*self._path(joint), values)
+            assert force is not None  # see `is_law`
+            out[:, joint] += force
+        return out
+
+    def _joint(self, term: Term) -> int:
+        return [c.name for c in self.problem.simulator.coordinates].index(term.on)
+
+    def _path(self, joint: int) -> tuple[FloatArray, FloatArray]:
+        """(N,) its position and speed."""
+        coordinate, names = self.problem.simulator.coordinates[joint], self.problem.simulator.state
+        states = self.motion.states
+        return states[:, names.index(coordinate.name)], states[:, names.index(coordinate.velocity)]
 
 
 @dataclass(frozen=True)
