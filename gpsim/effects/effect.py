@@ -190,7 +190,7 @@ class ActuatorEffect(Effect):
         return np.asarray(law(commands, *self.taken(values)))
 
     def pieces(
-        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, FloatArray] | None:
         """What `actuate` takes the mean of, where a substep holds more than one command; in the place of `actuate`.
 

@@ -71,7 +71,7 @@ TWISTS: Mapping[str, Law] = {
 }
 ACTUATORS: Mapping[str, Law] = {
     **OWN_ACTUATORS,
-    "actuator_delay": (codes.DELAY, ("delay",)),
+    **{f: (codes.DELAY, tuple(e.takes)) for f, e in CATALOGUE.items() if "delay" in e.takes},
     "actuator_dead_zone": (codes.DEAD_ZONE, ("width",)),
     "actuator_saturation": (codes.SATURATION, ("limit",)),
     "actuator_gain": (codes.GAIN, ("gain",)),

@@ -23,6 +23,7 @@ TWIST: Mapping[
 ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
     **laws.ACTUATORS,
     **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
+    **words.at_site("commands"),
 }
 LAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("sensor")
 """What sensors do at last, to noise, too: laws of (values, reading)."""

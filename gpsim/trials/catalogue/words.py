@@ -32,13 +32,14 @@ class Word:
     only where speeds are measured beside positions.
     """
 
-    site: Literal["smooth", "grip", "bristles", "actuator", "twist", "sensor", "past"]
+    site: Literal["smooth", "grip", "bristles", "actuator", "commands", "twist", "sensor", "past"]
     law: Callable[..., Any]
     strength: Draw
     systems: Systems = MECHANICAL
     by_command: bool = False
     needs_levels: bool = False
     needs_speeds: bool = False
+    ages: bool = False
 
 
 def _dead_band(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
@@ -142,6 +143,28 @@ def _bristles_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return out
 
 
+class SlowClock:
+    """Commands are read off by a clock that loses k['drift'] ppm: at t those are held that were given at t (1 - d)."""
+
+    def __init__(self, k: Values) -> None:
+        self._loses = k["drift"] * 1e-6
+        self._given: list[FloatArray] = []
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        """What that clock reads half a step on; between two commands, what both share of the step."""
+        self._given.append(u)
+        ago = self._loses * (t + h / 2) / h
+        last, rows = len(self._given) - 1, range(len(u))
+        newer = np.floor(ago).astype(int)
+
+        def then(back: FloatArray) -> FloatArray:
+            return np.array(
+                [self._given[last - b][i] if b <= last else 0.0 for i, b in zip(rows, back, strict=True)]
+            )
+
+        return np.asarray((1.0 - ago + newer) * then(newer) + (ago - newer) * then(newer + 1))
+
+
 def _filtered(k: Values, past: FloatArray, h: float) -> FloatArray:
     """An exponentially weighted mean of all that was, each value held for h; the first one for ever before."""
     back = past[::-1][: 1 + int(np.ceil(25.0 * k["time_constant"] / h))]
@@ -161,6 +184,13 @@ WORDS: Mapping[str, Word] = {
         lambda s, on, d: {"width": rounded(d.size(0.05, 0.35) * s.action(on))},
         systems=(*MECHANICAL, "unicycle"),
         needs_levels=True,
+    ),
+    "clock_drift": Word(
+        "commands",
+        SlowClock,
+        lambda s, on, d: {"drift": rounded(d.size(80.0, 450.0))},
+        systems=(*MECHANICAL, "unicycle"),
+        ages=True,
     ),
     "torque_speed_limit": Word("actuator", _torque_line, _torque_line_strength),
     "cubic_spring": Word(
@@ -229,6 +259,7 @@ def places_of(family: str, system: Any, velocities: str | None = "measured") -> 
         return [DRIVEN[system.name]]
     at = {
         "actuator": list(system.action),
+        "commands": list(system.action),
         "twist": ["vehicle"],
         "sensor": list(system.names),
         "past": list(system.names),
