@@ -221,6 +221,13 @@ class DriveEffect(Effect):
         return np.asarray(law(command, speed, *self.taken(values)))
 
 
+class ElasticDrive(DriveEffect):
+    """A drive with a spring and a motor behind it, two hidden numbers a row (see `gpsim.effects.elastic`).
+
+    The stretch before a simulation begins says how far it is twisted: where a body stood still it is not.
+    """
+
+
 class ParameterEffect(Effect):
     """A parameter of the simulator that is not what was believed."""
 

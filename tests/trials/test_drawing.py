@@ -78,7 +78,7 @@ KINDS_IN_THEIR_ORDER = {
         "quantised_actuator", "position_gain", "fan", "exponential_aero", "gusts",
     ],
     2027: [
-        "bouc_wen", "flexible_coupling", "exponential_aero", "gusts", "eccentric_encoder", "carpet",
+        "bouc_wen", "flexible_appendage", "exponential_aero", "gusts", "eccentric_encoder", "carpet",
         "heading_slope", "fading_damping", "fan", "vibrating_pivot", "curve_slowdown",
         "quantised_actuator", "cogging", "hardening_spring", "speed_ripple", "soft_stop", "gyroscopic",
         "position_gain", "magnetic_detent", "ringing_actuator",

@@ -26,13 +26,15 @@ class Word:
     """One family.
 
     law: of a force (k, q, v); of a grip (k, v, load); of bristles (k, v, bend, inertia), the force and how fast they
-    bend; of an actuator (k, u, speed of what it drives); of a twist (k, v, lateral, w); of a sensor (k, y); of one that
-    remembers, `past`, (k, all true values of its channel until now (K, E), the time between two of them [s]).
-    by_command: a grip's load is the command's size. needs_levels: only commands of many values show it; needs_speeds:
-    only where speeds are measured beside positions.
+    bend; of an actuator (k, u, speed of what it drives); of a twist (k, v, lateral, w); of a sensor (k, y); of one
+    that remembers, `past`, (k, all true values of its channel until now (K, E), the time between two of them [s]). Of
+    commands: an actuator with memory, made of k. Of a coupling: (k, v, z, u), the force on what the command u drives,
+    and how fast z moves, the twist and the motor's speed. by_command: a grip's load is the command's size.
+    needs_levels: only commands of many values show it; needs_speeds: only where speeds are measured beside positions;
+    ages: only a clock that runs on. asked: is it asked where nobody requests it, so that worlds are drawn with it?
     """
 
-    site: Literal["smooth", "grip", "bristles", "actuator", "commands", "twist", "sensor", "past"]
+    site: Literal["smooth", "grip", "bristles", "actuator", "commands", "coupling", "twist", "sensor", "past"]
     law: Callable[..., Any]
     strength: Draw
     systems: Systems = MECHANICAL
@@ -40,6 +42,7 @@ class Word:
     needs_levels: bool = False
     needs_speeds: bool = False
     ages: bool = False
+    asked: bool = True
 
 
 def _dead_band(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
@@ -143,6 +146,26 @@ def _bristles_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return out
 
 
+def _coupled(k: Values, v: FloatArray, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Newton's law for the motor; v is the load's speed."""
+    ahead = z[:, 1] - v
+    pull = k["stiffness"] * z[:, 0] + k["damping"] * ahead
+    return pull, np.stack([ahead, (u - pull) / k["inertia"]], axis=1)
+
+
+def _coupling_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    """Motor and load swing against each other at 1.5 to 4 Hz, damped by 2 to 15 %."""
+    load, turn = s.inertia(DRIVEN[s.world.system]), 2 * np.pi * d.any(1.5, 4.0)
+    inertia = d.size(0.1, 0.6) * load
+    light = inertia * load / (inertia + load)
+    damping = 2 * d.any(0.02, 0.15) * light * turn
+    return {
+        "stiffness": rounded(light * turn**2),
+        "damping": rounded(damping),
+        "inertia": rounded(inertia),
+    }
+
+
 class SlowClock:
     """Commands are read off by a clock that loses k['drift'] ppm: at t those are held that were given at t (1 - d)."""
 
@@ -192,6 +215,7 @@ WORDS: Mapping[str, Word] = {
         systems=(*MECHANICAL, "unicycle"),
         ages=True,
     ),
+    "flexible_coupling": Word("coupling", _coupled, _coupling_strength, asked=False),
     "torque_speed_limit": Word("actuator", _torque_line, _torque_line_strength),
     "cubic_spring": Word(
         "smooth",
@@ -260,6 +284,7 @@ def places_of(family: str, system: Any, velocities: str | None = "measured") -> 
     at = {
         "actuator": list(system.action),
         "commands": list(system.action),
+        "coupling": list(system.action),
         "twist": ["vehicle"],
         "sensor": list(system.names),
         "past": list(system.names),

@@ -55,7 +55,7 @@ def first_family(seed: int, stratum: Stratum, rank: int) -> str | None:
         return None
     names = list(catalogue.DECK)
     if stratum == "words":
-        names = sorted(catalogue.WORDS)
+        names = sorted(name for name, word in catalogue.WORDS.items() if word.asked)
     if stratum == "curves":
         names = sorted(outside.CURVES)
     if stratum == "unknown":
