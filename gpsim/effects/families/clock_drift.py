@@ -37,6 +37,7 @@ class ClockDrift(ActuatorDelay):
     usual: ClassVar[int] = 0
     gated: ClassVar[bool] = False
     drifts: ClassVar[bool] = True
+    holds: ClassVar[bool] = False
     order: ClassVar[int] = 11
     takes: ClassVar[Mapping[str, float]] = {"delay": 0.0, "drift": 0.0}
     plausible: ClassVar[Mapping[str, Plausible]] = {
