@@ -8,6 +8,7 @@ from types import ModuleType
 
 from gpsim.diagnosis.fitting.size_prior import MOST_UNUSUAL, NATS_OF_DOUBLE_SIZE
 from gpsim.effects.effect import Effect
+from gpsim.effects.families.clock_drift import TOLERATED
 from gpsim.effects.place import Place, Plausible
 from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES
 
@@ -42,6 +43,12 @@ that drives a coordinate. `sensor_saturation` and `overflow` are asked where man
 highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing; `overflow` is for
 states that are neither a coordinate nor its velocity. `sensor_lag` is asked where a speed and its position are both
 measured, of the one that trails the other: of readings that all trail alike it cannot be told from an actuator's lag.
+`clock_drift` makes commands later and later since the recording's clock began; it is asked where {TOLERATED:g} ppm
+come to a step at the end, and grows to 0.4 s at most, or to what a delay may be. A clock that is fast would have
+commands act before they are given, and is not asked.
+`flexible_coupling` is asked on request alone (`diagnose.families.also`), of a command that is the force that drives a
+coordinate, and not of MuJoCo models: three numbers and a swing of their own come near to delays, lags and whatever
+else swings. Its swing is integrated exactly over a step, however stiff it is.
 `lugre_friction` is asked where what the base simulator misses grows over a way after each reversal, and noise does not
 hide that way; its bristles are integrated exactly for an even speed, so that no stiffness asks for shorter steps. It is
 not asked of MuJoCo models. For [MuJoCo models](../how-to/mujoco.md) alone are

@@ -22,6 +22,7 @@ from gpsim.effects.effect import (
     BristleEffect,
     DriveEffect,
     Effect,
+    ElasticDrive,
     ForceEffect,
     FunctionOf,
     ModelEffect,
@@ -33,6 +34,7 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.elastic import twisted
 from gpsim.effects.forces import bend_key
 from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
@@ -68,6 +70,7 @@ __all__ = [
     "DriveEffect",
     "Effect",
     "EffectParameter",
+    "ElasticDrive",
     "ForceEffect",
     "FunctionOf",
     "Gate",
@@ -118,4 +121,5 @@ __all__ = [
     "times_beyond",
     "to_json",
     "tried",
+    "twisted",
 ]

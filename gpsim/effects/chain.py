@@ -10,11 +10,13 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
+from gpsim.effects import elastic
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import (
     ActuatorEffect,
     DriveEffect,
+    ElasticDrive,
     ParameterEffect,
     RateEffect,
     Values,
@@ -207,15 +209,79 @@ class Chain:
     ) -> FloatArray:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates.
 
-        bends: how far bristles are bent, which moves on; none are where nobody says it.
+        bends: how far bristles are bent and drives twisted, which moves on; none are where nobody says it.
         """
-        if not self.bristles:
+        if not self.yields:
             return self._advanced(state, action, values, step, t, extra, {})
         kept = self.unbent(len(state)) if bends is None else bends
-        known = {i: kept[bend_key(i)] for i, _ in self.bristles}
+        known = {i: kept[bend_key(i)] for i in self.yields}
         after = self._advanced(state, action, values, step, t, extra, known)
         self._forces.bent(state, after, step, values, kept)
+        self._turned(state, after, action, values, step, t, kept)
         return after
+
+    @cached_property
+    def yields(self) -> tuple[int, ...]:
+        """The terms that remember where a body was pushed to: bristles, and elastic drives."""
+        return (*(i for i, _ in self.bristles), *(i for i, *_ in self.elastic))
+
+    @cached_property
+    def elastic(self) -> list[tuple[int, int, int, int]]:
+        """Of elastic drives: the term, the columns of their command, and of the speed and rate of what they drive."""
+        if not any(isinstance(t.effect, ElasticDrive) for t in self.terms):
+            return []
+        simulator, driven = self.simulator, self.simulator.driven()
+        of = {c.name: c for c in simulator.coordinates}
+        return [
+            (
+                i,
+                simulator.action.index(t.on),
+                simulator.state.index(of[driven[t.on]].velocity),
+                simulator.rate.index(of[driven[t.on]].rate),
+            )
+            for i, t in enumerate(self.terms)
+            if isinstance(t.effect, ElasticDrive)
+        ]
+
+    def loose(
+        self, at: Instant, values: Sequence[Values], column: int, rate: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """(B,) each: how a drive's coordinate is accelerated without its command, and what a unit of that adds.
+
+        Dry friction is left out.
+        """
+        smooth, found = self._forces.smooth(at, values), []
+        for size in (0.0, 1.0):
+            action = np.array(at.action)
+            action[:, column] = size
+            found.append(self.simulator.rates(at.state, action, at.parameters, smooth)[:, rate])
+        return found[0], found[1] - found[0]
+
+    def instant(
+        self, state: FloatArray, action: FloatArray, values: Sequence[Values], step: FloatArray, t: FloatArray
+    ) -> Instant:
+        """What laws may look at in a state (B, S), with what drives give of a command there."""
+        shares = self._shares(state, action, values, step, t)
+        given = self._delivered(state, action, values) if self._drives else action
+        return Instant(state, given, self._corrected(values, shares), shares, None, (state, step), {})
+
+    def _turned(
+        self,
+        state: FloatArray,
+        after: FloatArray,
+        action: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        t: FloatArray,
+        bends: Memory,
+    ) -> None:
+        """Twist elastic drives on from one state (B, S) to the one a substep (B,) s later."""
+        for i, column, speed, rate in self.elastic:
+            given = self._delivered(after, action, values) if self._drives else action
+            at = replace(self.instant(state, action, values, step, t), state=after, action=given)
+            _, reacts = self.loose(at, values, column, rate)
+            twist, moved = bends[bend_key(i)], (after - state)[:, speed] / np.where(step == 0.0, 1e-9, step)
+            twist[:] = elastic.turned(twist, at.action[:, column], moved, reacts, step, values[i])
 
     @property
     def bristles(self) -> list[tuple[int, int]]:
@@ -223,8 +289,9 @@ class Chain:
         return self._forces.bristles
 
     def unbent(self, count: int) -> Memory:
-        """Bristles that are not bent, of a batch."""
-        return {bend_key(i): np.zeros(count) for i, _ in self.bristles}
+        """Bristles that are not bent, and elastic drives that are not twisted, of a batch."""
+        bristles = {bend_key(i): np.zeros(count) for i, _ in self.bristles}
+        return bristles | {bend_key(i): np.zeros((count, 2)) for i, *_ in self.elastic}
 
     def _advanced(
         self,
@@ -297,7 +364,11 @@ class Chain:
     def _drives(self) -> list[tuple[int, DriveEffect, int, int]]:
         """Index of the term, its effect, the columns of its command and of the speed of what it drives."""
         simulator = self.simulator
-        found = [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, DriveEffect)]
+        found = [
+            (i, t.effect)
+            for i, t in enumerate(self.terms)
+            if isinstance(t.effect, DriveEffect) and not isinstance(t.effect, ElasticDrive)
+        ]
         if not found:
             return []
         driven, speeds = simulator.driven(), {c.name: c.velocity for c in simulator.coordinates}
@@ -380,6 +451,8 @@ class Chain:
         """Rates with every force."""
         state, parameters, shares = at.state, at.parameters, at.shares
         action = self._delivered(state, at.action, values) if self._drives else at.action
+        if self.elastic:
+            action = self._transmitted(replace(at, action=action), values)
         if self._forces:
             rates = self._forces.rates(replace(at, action=action), values)
         else:
@@ -396,6 +469,16 @@ class Chain:
         out = np.array(action)
         for i, effect, column, speed in self._drives:
             out[:, column] = effect.delivered(out[:, column], state[:, speed], values[i])
+        return out
+
+    def _transmitted(self, at: Instant, values: Sequence[Values]) -> FloatArray:
+        """(B, A): what elastic drives transmit of the commands that they were given, means over the substep."""
+        out = np.array(at.action)
+        for i, column, _, rate in self.elastic:
+            own, reacts = self.loose(replace(at, action=out), values, column, rate)
+            out[:, column] = elastic.transmitted(
+                at.bends[i], out[:, column], own, reacts, at.begun[1], values[i]
+            )
         return out
 
     def _twisted(

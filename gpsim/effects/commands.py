@@ -60,7 +60,9 @@ def on_its_way(way: Sequence[Stage], column: int, grid: Grid) -> FloatArray:
         values = {name: value[:, None] for name, value in given.items()}
         share = grid.share(gate, values) if gate else None
         several = (
-            effect.pieces(u, values, memory, grid.step) if place < len(way) - 1 and pieces == 1 else None
+            effect.pieces(u, values, memory, grid.step, grid.t)
+            if place < len(way) - 1 and pieces == 1
+            else None
         )
         if several is None:
             acted = effect.actuate(u, values, memory, grid.step, grid.t)

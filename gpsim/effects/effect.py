@@ -190,7 +190,7 @@ class ActuatorEffect(Effect):
         return np.asarray(law(commands, *self.taken(values)))
 
     def pieces(
-        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, FloatArray] | None:
         """What `actuate` takes the mean of, where a substep holds more than one command; in the place of `actuate`.
 
@@ -219,6 +219,13 @@ class DriveEffect(Effect):
         law = type(self).law
         assert law is not None, f"{self.family} has neither a law nor `delivered`"
         return np.asarray(law(command, speed, *self.taken(values)))
+
+
+class ElasticDrive(DriveEffect):
+    """A drive with a spring and a motor behind it, two hidden numbers a row (see `gpsim.effects.elastic`).
+
+    The stretch before a simulation begins says how far it is twisted: where a body stood still it is not.
+    """
 
 
 class ParameterEffect(Effect):

@@ -58,6 +58,10 @@ class Forces:
         """The coordinates on which dry friction is."""
         return frozenset(self.terms[i].on for i, effect, _ in self._effects if effect.dry)
 
+    def smooth(self, at: Instant, values: Sequence[Values]) -> FloatArray | None:
+        """(B, C) the smooth generalised forces; None where there are none."""
+        return self._applied(at, values)[0] if self else None
+
     def rates(self, at: Instant, values: Sequence[Values]) -> FloatArray:
         """(B, R) rates under all force terms."""
         smooth, dry = self._applied(at, values)

@@ -73,8 +73,8 @@ class Place:
     found to grow over a way after each reversal, where it did. speed: the typical speed of a coordinate, or of
     the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
     parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
-    centre: of a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be
-    less in truth.
+    inertia: what an action has to move, command over acceleration. centre: of a body, in its frame. damping, friction:
+    what the simulator itself has of a coordinate's, which may be less in truth.
     """
 
     on: str
@@ -88,6 +88,7 @@ class Place:
     bounds: tuple[float, float] = (0.0, np.inf)
     length: str = ""
     additive: bool = False
+    inertia: float = 1.0
     centre: tuple[float, ...] = ()
     damping: float = 0.0
     friction: float = 0.0

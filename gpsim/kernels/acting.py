@@ -143,6 +143,12 @@ def passed(
 
 
 @compiled
+def late_by(delay: float, drift: float, t: float, h: float) -> float:
+    """By how much [s] commands are late in a substep of h [s] from t [s] on: a delay [s], and a clock's drift [ppm]."""
+    return delay + 1e-6 * drift * larger(t + h / 2, 0.0)
+
+
+@compiled
 def delayed(
     actuators: IntArray,
     n: int,
@@ -157,7 +163,8 @@ def delayed(
 ) -> int:
     """Fill pieces with the commands of a delay ago, and their mean where nobody follows; how many there are."""
     depth, at = actuators[n, DEPTH], actuators[n, MEMORY]
-    delay, head = v[actuators[n, VALUE], lane], int(memory[at + 2 * depth])
+    value, head = actuators[n, VALUE], int(memory[at + 2 * depth])
+    delay = late_by(v[value, lane], v[value + 1, lane], t, h)
     if uneven:
         count = met(memory, at, depth, head, delay, u, h, pieces)
     else:

@@ -40,6 +40,8 @@ SLIP_CURVE: Final = 35
 RATE_CURVE: Final = 40
 DRIVE_CURVE: Final = 41
 
+ELASTIC: Final = 42  # a drive that remembers
+
 OWN: Final = 100  # and beyond: families that write their law as one formula (see `gpsim.kernels.catalogue`)
 
 # Where a twist's law acts: alone, or first, further on or last of several that are one term.

@@ -61,4 +61,9 @@ PUSH: Final = 52 * LANES
 REACHED: Final = 53 * LANES
 # How far the bristles of each coordinate are bent.
 BENT: Final = 55 * LANES
-SIZE: Final = 57 * LANES
+# How far the drive of each action is twisted, and how fast; how a coordinate moves without it, and what it adds.
+TWIST: Final = 57 * LANES
+FREE: Final = 61 * LANES
+LIGHT: Final = 62 * LANES
+GIVEN: Final = 63 * LANES
+SIZE: Final = 64 * LANES

@@ -182,7 +182,7 @@ def march(
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
     when: (B,) the transition in which a `push` is added to the rate that the layout names, if it does.
-    bends: (B, C) how far the bristles of coordinates are bent as the windows begin, (B, 0) where there are none.
+    bends: (B, 6) how far bristles are bent and drives twisted as the windows begin, (B, 0) where there are none.
     """
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
     b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))

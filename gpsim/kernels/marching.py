@@ -149,8 +149,8 @@ def marched(
     """(B, L + 1, S) states at the transitions' ends; (B, D + L n, S) at the substeps' ends where the `past` matters.
 
     The first D of these are the past, the last of which is the start. n: substeps of a transition; starts: (B, S);
-    values: `program.values`; clock: (W, L + 1) s, of each row's `window` (B,); bends: (B, C) how far the bristles of
-    coordinates are bent at the start.
+    values: `program.values`; clock: (W, L + 1) s, of each row's `window` (B,); bends: (B, 6) how far bristles
+    are bent and drives twisted at the start.
     """
     from gpsim.kernels.march import march
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.acting import act, passed
+from gpsim.kernels.acting import act, late_by, passed
 from gpsim.kernels.codes import (
     BIAS,
     DEAD_ZONE,
@@ -63,7 +63,7 @@ def move(
             before[depth + m] = s[m]
     first, lane = v[at, 0], int(np.int64(0))
     if law == DELAY:
-        wait(first, memory, place, depth, h, before, s)
+        wait(first, v[at + 1, 0], memory, place, depth, t, h, before, s)
     elif law == GAIN:
         for m in range(count):
             s[m] *= first
@@ -105,9 +105,17 @@ def follow(constant: float, memory: FloatArray, place: int, h: FloatArray, s: Fl
 
 @compiled
 def wait(
-    delay: float, memory: FloatArray, at: int, depth: int, h: FloatArray, heard: FloatArray, s: FloatArray
+    delay: float,
+    drift: float,
+    memory: FloatArray,
+    at: int,
+    depth: int,
+    t: FloatArray,
+    h: FloatArray,
+    heard: FloatArray,
+    s: FloatArray,
 ) -> None:
-    """A delay [s] on an even clock; each command becomes the mean of the two that its substep meets.
+    """A delay [s], or a drift [ppm], on an even clock; each command becomes the mean of the two that its substep meets.
 
     memory: a ring of `depth` commands and where the oldest lies; heard: (depth + M,) those and the ones since.
     """
@@ -115,7 +123,7 @@ def wait(
     for i in range(depth):
         heard[i] = memory[at + (head + i) % depth]
     for m in range(count):
-        back = min(delay / h[m], depth - 1.0)
+        back = min(late_by(delay, drift, t[m], h[m]) / h[m], depth - 1.0)
         whole = int(back)
         newer, older = heard[depth + m - whole], heard[depth + m - whole - 1]
         s[m] = newer + (back - whole) * (older - newer)

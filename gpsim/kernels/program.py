@@ -23,6 +23,7 @@ from gpsim.effects import (
     Curve,
     DriveEffect,
     Effect,
+    ElasticDrive,
     ForceEffect,
     Gate,
     ParameterEffect,
@@ -55,7 +56,7 @@ class Program:
     """The tables of a chain, as `gpsim.kernels.codes` explains their columns, and where a row's values come from.
 
     actuators: None where what they do has no compiled form; ways: their terms, in the order of the table. bristles:
-    terms with such, and their coordinates as compiled code counts them.
+    terms with such, and their coordinates as compiled code counts them; elastic: drives that are, and their actions.
     """
 
     layout: IntArray
@@ -70,10 +71,16 @@ class Program:
     actuators: IntArray | None
     ways: tuple[int, ...]
     bristles: tuple[tuple[int, int], ...]
+    elastic: tuple[tuple[int, int], ...]
 
     def bends(self, memory: Memory, rows: int) -> FloatArray:
-        """(B, C) how far bristles are bent, of each coordinate; no columns where there are none."""
-        out = np.zeros((rows, 2 if self.bristles else 0))
+        """(B, 6) how far bristles are bent, of each coordinate, then twist and its rate of each action.
+
+        No columns where there is nothing of the kind.
+        """
+        out = np.zeros((rows, 6 if self.bristles or self.elastic else 0))
+        for term, action in self.elastic:
+            out[:, 2 + 2 * action : 4 + 2 * action] = memory[bend_key(term)]
         for term, coordinate in self.bristles:
             out[:, coordinate] = memory[bend_key(term)]
         return out
@@ -141,6 +148,7 @@ class _Writer:
             actuators,
             ways,
             tuple((i, self._place(chain.terms[i])) for i, _ in chain.bristles),
+            tuple((i, column) for i, column, *_ in chain.elastic),
         )
 
     def _acting(self) -> tuple[tuple[int, ...], IntArray | None]:
@@ -173,7 +181,11 @@ class _Writer:
         if len(set(bristled)) < len(bristled):  # there is room for one bend a coordinate
             raise _NotCompiled
         parts = [
-            [i for i, t in enumerate(of) if isinstance(t.effect, DriveEffect)],
+            # Elastic ones last: they transmit what the others give.
+            sorted(
+                (i for i, t in enumerate(of) if isinstance(t.effect, DriveEffect)),
+                key=lambda i: isinstance(of[i].effect, ElasticDrive),
+            ),
             [i for i in forces if i not in dry],
             # Bristles first, then those of a coordinate together.
             sorted(
@@ -312,7 +324,7 @@ def _law_of(term: Term) -> Law | None:
     if isinstance(effect, ParameterEffect):
         return (tables.DIFFERENCES if "offset" in term.values else tables.PARAMETERS).get(family)
     if isinstance(effect, DriveEffect):
-        return tables.OWN_DRIVES.get(family)
+        return tables.DRIVES.get(family)
     return tables.TWISTS.get(family) if isinstance(effect, VehicleEffect) else None
 
 

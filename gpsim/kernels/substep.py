@@ -15,6 +15,7 @@ from gpsim.kernels.codes import (
     CURVE,
     DIFFERENCE,
     DRIVE_CURVE,
+    ELASTIC,
     FINE,
     FORCES,
     GATE,
@@ -40,6 +41,7 @@ from gpsim.kernels.codes import (
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve_at
+from gpsim.kernels.elastic import transmit, turn_on
 from gpsim.kernels.friction import push, rub_all
 from gpsim.kernels.gates import find_shares
 from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, PUSH, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
@@ -74,6 +76,16 @@ def correct(
 
 
 @compiled
+def drive(b: FloatArray, lanes: int, layout: IntArray, terms: IntArray, v: FloatArray) -> None:
+    """Keep the commands U in REACHED, and change them to what drives give in the stage's state."""
+    for i in range(2 * LANES):
+        b[REACHED + i] = b[U + i]
+    for n in range(layout[FORCES]):
+        speed = place(Y1 + 2 * terms[n, ON] * LANES)
+        given_of(b, lanes, terms[n, LAW], terms[n, VALUE], v, place(U + terms[n, CURVE] * LANES), speed)
+
+
+@compiled
 def find(
     b: FloatArray,
     lanes: int,
@@ -87,12 +99,10 @@ def find(
     """Fill R with the rates in the stage's state, whatever acts; SIN and COS are those of that state."""
     drives = layout[FORCES]  # their terms come first
     if drives:
-        for i in range(2 * LANES):
-            b[REACHED + i] = b[U + i]
-        for n in range(drives):
-            speed = place(Y1 + 2 * terms[n, ON] * LANES)
-            given_of(b, lanes, terms[n, LAW], terms[n, VALUE], v, place(U + terms[n, CURVE] * LANES), speed)
+        drive(b, lanes, layout, terms, v)
     push(b, lanes, layout, terms, curves, knots, v, shares)
+    if drives:
+        transmit(b, lanes, layout, terms, v)
     rates(b, lanes, layout[SYSTEM], layout[HELD])
     rub_all(b, lanes, layout, terms, curves, knots, v, shares)
     for n in range(layout[TWISTS], layout[RATES]):
@@ -233,6 +243,11 @@ def advance(
                     at = q * LANES + i
                     b[Y + at] = b[X + at] + b[H + i] * b[Y + LANES + at]
     bend_on(b, lanes, layout, terms, v)
+    if layout[FORCES] and terms[layout[FORCES] - 1, LAW] == ELASTIC:  # they are the last ones
+        drive(b, lanes, layout, terms, v)
+        turn_on(b, lanes, layout, terms, v)
+        for i in range(2 * LANES):
+            b[U + i] = b[REACHED + i]
     for i in range(4 * LANES):
         b[X + i] = b[Y + i]
 

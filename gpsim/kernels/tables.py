@@ -6,7 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.effects import CATALOGUE, ActuatorEffect, BristleEffect, DriveEffect, ForceEffect, VehicleEffect
+from gpsim.effects import (
+    CATALOGUE,
+    ActuatorEffect,
+    BristleEffect,
+    DriveEffect,
+    ElasticDrive,
+    ForceEffect,
+    VehicleEffect,
+)
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, ServoJoint, Simulator, Slider, Unicycle
 
@@ -44,6 +52,10 @@ def _own(site: type[Any], *, dry: bool = False) -> dict[str, Law]:
 
 OWN_FORCES, OWN_DRY = _own(ForceEffect), _own(ForceEffect, dry=True)
 OWN_DRIVES, OWN_ACTUATORS, OWN_TWISTS = _own(DriveEffect), _own(ActuatorEffect), _own(VehicleEffect)
+DRIVES: Mapping[str, Law] = {
+    **OWN_DRIVES,
+    **{f: (codes.ELASTIC, tuple(e.takes)) for f, e in CATALOGUE.items() if isinstance(e, ElasticDrive)},
+}
 FORCES: Mapping[str, Law] = {
     **OWN_FORCES,
     "viscous_friction": (codes.VISCOUS, ("damping",)),
@@ -71,7 +83,7 @@ TWISTS: Mapping[str, Law] = {
 }
 ACTUATORS: Mapping[str, Law] = {
     **OWN_ACTUATORS,
-    "actuator_delay": (codes.DELAY, ("delay",)),
+    **{f: (codes.DELAY, tuple(e.takes)) for f, e in CATALOGUE.items() if "delay" in e.takes},
     "actuator_dead_zone": (codes.DEAD_ZONE, ("width",)),
     "actuator_saturation": (codes.SATURATION, ("limit",)),
     "actuator_gain": (codes.GAIN, ("gain",)),

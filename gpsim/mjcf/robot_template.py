@@ -162,7 +162,8 @@ class Effect:
     def __init__(self, told: dict[str, Any], h: float) -> None:
         self.family, self.values, self.region = told["family"], told["values"], told["region"]
         self.level = 0.0
-        self.past = [0.0] * (math.ceil(self.values.get("delay", 0.0) / h) + 3)  # the newest first
+        longest = 0.4 if "drift" in self.values else self.values.get("delay", 0.0)  # a drift grows to that
+        self.past = [0.0] * (math.ceil(longest / h) + 3)  # the newest first
 
     def __call__(self, u: float, h: float, t: float) -> float:
         """What becomes of a command that is held for h [s] from t [s] on: its mean."""
@@ -198,10 +199,11 @@ class Effect:
             return u + (was - u) * -math.expm1(-ratio) / ratio
         raise ValueError(f"unknown effect {self.family}")
 
-    def delayed(self, u: float, h: float) -> tuple[float, float, float]:
-        """The two commands that act during h [s], the earlier one first, and the share of h that it lasts."""
+    def delayed(self, u: float, h: float, t: float) -> tuple[float, float, float]:
+        """The two commands that act for h [s] from t [s] on, the earlier one first, and the share that it lasts."""
         self.past = [u, *self.past[:-1]]
-        back = self.values["delay"] / h
+        drift = self.values.get("drift", 0.0) / 1e6 * max(t + h / 2, 0.0)
+        back = min((self.values.get("delay", 0.0) + drift) / h, len(self.past) - 2.0)
         whole = int(back)
         return self.past[whole + 1], self.past[whole], back - whole
 
@@ -211,10 +213,10 @@ def _through(way: list[Effect], u: float, h: float, t: float, state: dict[str, n
     pieces = [(u, h, t)]
     for place, effect in enumerate(way):
         opened = _share(effect.region, state, state) == 1.0
-        if effect.family != "actuator_delay":
+        if effect.family not in ("actuator_delay", "clock_drift"):
             done = [(effect(c, length, begin), length, begin) for c, length, begin in pieces]
         else:
-            earlier, recent, share = effect.delayed(u, h)
+            earlier, recent, share = effect.delayed(u, h, t)
             if place == len(way) - 1:
                 done = [(recent + share * (earlier - recent), h, t)]
             else:

@@ -74,7 +74,7 @@ def test_a_delay_is_a_time_on_an_uneven_clock_too(delay):
         for i in range(60)
     ]
     np.testing.assert_allclose(one_by_one, at_once, rtol=0, atol=1e-9)
-    pieces, shares = effect.pieces(commands, values, effect.begin(1, 0.5, H), step)
+    pieces, shares = effect.pieces(commands, values, effect.begin(1, 0.5, H), step, begins[None])
     np.testing.assert_allclose(shares.sum(axis=2), 1.0)
     np.testing.assert_allclose((pieces * shares).sum(axis=2)[0], at_once, atol=1e-12)
 

@@ -48,6 +48,8 @@ WRAPPED = {
     "rate limit": [Term("actuator_rate_limit", "m1", {"rate": 9.0})],
     "lag": [Term("actuator_lag", "m1", {"time_constant": 0.03})],
     "sag": [Term("battery_sag", "m1", {"loss_per_second": 0.01})],
+    "drift": [Term("clock_drift", "m1", {"drift": 2000.0})],
+    "drift and gain": [Term("clock_drift", "m1", {"drift": 2000.0}), Term("actuator_dead_zone", "m1", {"width": 0.3})],
     "short delay": [Term("actuator_delay", "m1", {"delay": 0.0013})],
     "way": [
         Term("actuator_lag", "m1", {"time_constant": 0.02}), Term("actuator_delay", "m1", {"delay": 0.0137}),

@@ -38,7 +38,7 @@ NOTHING = {
     "curve_slowdown": {"loss": 0.0},
     "heading_slope": {"amplitude": 0.0, "phase": 0.4},
     "magnetic_detent": {"amplitude": 0.0, "centre": 0.1, "reach": 0.2},
-    "flexible_coupling": {"inertia": 1e-3, "stiffness": 0.0, "damping": 0.0},
+    "flexible_appendage": {"inertia": 1e-3, "stiffness": 0.0, "damping": 0.0},
     "gyroscopic": {"coupling": 0.0},
     "fading_damping": {"damping": 0.0, "time": 10.0},
     "soft_stop": {"edge": 0.1, "stiffness": 0.0, "loss": 0.1},

@@ -8,7 +8,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
-from gpsim.effects import Chain, Values, bent
+from gpsim.effects import Chain, Values, bend_key, bent
 from gpsim.simulators import Memory
 
 BACK = 60  # transitions: what was before is forgotten, or the body stood still
@@ -21,7 +21,7 @@ def bends_of(
 
     What is between two samples is taken for even motion. The last of them is the start that is asked for.
     """
-    memory = chain.unbent(len(rows))
+    memory: Memory = {bend_key(i): np.zeros(len(rows)) for i, _ in chain.bristles}
     windows = windows.remembering(BACK)
     lasting = np.diff(windows.before_t, axis=1)
     for (index, coordinate), bend in zip(chain.bristles, memory.values(), strict=True):

@@ -12,6 +12,7 @@ from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorde
 from gpsim.diagnosis.fitting.bent import bends_of
 from gpsim.diagnosis.fitting.compiled import simulated
 from gpsim.diagnosis.fitting.rollout import FAR, Extra, Pushes, roll, tamed
+from gpsim.diagnosis.fitting.twisted import twists_of
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values
@@ -89,13 +90,14 @@ def _simulated(
 
 
 def _bends(chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray) -> Memory:
-    """How far bristles are bent as the windows begin, of all copies."""
-    if not chain.bristles:
+    """How far bristles are bent and elastic drives twisted as the windows begin, of all copies."""
+    if not chain.yields:
         return {}
     copies, count = starts.shape[:2]
     rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
     with np.errstate(all="ignore"):
-        return bends_of(chain, windows, rows, starts.reshape(copies * count, -1), values)
+        bends = bends_of(chain, windows, rows, starts.reshape(copies * count, -1), values)
+        return bends | twists_of(chain, windows, rows, values)
 
 
 def _program(settings: SharingSettings, chain: Chain) -> Program | None:

@@ -65,6 +65,7 @@ class Sizes:
         rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
         self._forces: dict[str, float] = {}
         self._resists: dict[str, float] = {}
+        self._inertias: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
         self._turned: dict[str, tuple[bool, bool]] = {}
         self._yields = {c.name: yields(recording, simulator, parameters, c) for c in simulator.coordinates}
@@ -82,6 +83,7 @@ class Sizes:
                 usual = measured  # nobody pushes: what it does is all that tells how large forces are
             easily = max(float(np.median(np.abs(mobility))), TINY)
             self._forces[coordinate.name] = max(usual / easily, TINY)
+            self._inertias[coordinate.name] = 1.0 / easily
             moves = max(float(np.sqrt(np.mean(rows_rates[:, column] ** 2))), TINY)
             self._resists[coordinate.name] = self._forces[coordinate.name] / moves
             at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
@@ -128,6 +130,7 @@ class Sizes:
                 dt=self._dt,
                 length=length,
                 speed=speed,
+                inertia=self._inertias[driven.name] if driven else 1.0,
             )
         if effect.site in ("sensor", "rate") and on in self._deviations:
             read = self._read[on]

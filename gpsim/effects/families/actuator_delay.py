@@ -28,6 +28,7 @@ class ActuatorDelay(ActuatorEffect):
     usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
+    takes: ClassVar[Mapping[str, float]] = {"delay": 0.0, "drift": 0.0}
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "delay": Plausible(
             0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5
@@ -64,28 +65,34 @@ class ActuatorDelay(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """What was commanded a delay ago, between substeps their weighted mean."""
+        late = self.late(values, step, t)
         if _uneven(memory, step):
-            acted, shares = _met(commands, values["delay"], memory, step)
+            acted, shares = _met(commands, late, memory, step)
             return np.asarray((acted * shares).sum(axis=2))
-        earlier, recent, share = self._neighbours(commands, values, memory, step)
+        earlier, recent, share = self._neighbours(commands, late, memory, step)
         return np.asarray(recent + share * (earlier - recent))
 
     def pieces(
-        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """The earlier of two neighbouring commands, then the later one; on an uneven clock there may be more."""
+        late = self.late(values, step, t)
         if _uneven(memory, step):
-            return _met(commands, values["delay"], memory, step)
-        earlier, recent, share = self._neighbours(commands, values, memory, step)
+            return _met(commands, late, memory, step)
+        earlier, recent, share = self._neighbours(commands, late, memory, step)
         return np.stack([earlier, recent], axis=2), np.stack([share, 1.0 - share], axis=2)
 
+    def late(self, values: Values, step: FloatArray, t: FloatArray) -> FloatArray:
+        """(B, 1) or (B, K) s by how much commands are late in substeps that begin at t (B, K) s."""
+        return values["delay"]
+
     def _neighbours(
-        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+        self, commands: FloatArray, late: FloatArray, memory: Memory, step: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(B, K) each: the two commands of a substep a delay ago, and the earlier one's share of it."""
         past, (rows, count) = memory["past"], commands.shape
         depth = past.shape[1]
-        back = np.minimum(values["delay"] / step, depth - 1.0)
+        back = np.minimum(late / step, depth - 1.0)
         whole = back.astype(np.int64)
         if count == 1:  # step by step, all of a long past would be moved each time
             row, head = np.arange(rows)[:, None], memory["head"].astype(np.int64)[:, None]
@@ -120,7 +127,7 @@ def _in_order(memory: Memory) -> FloatArray:
 def _met(
     commands: FloatArray, delay: FloatArray, memory: Memory, step: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(B, K, P) each: the commands given a delay (B, 1) before each substep, and which shares of it they last."""
+    """(B, K, P) each: commands given a delay (B, 1) or (B, K) before each substep, and which shares of it they last."""
     past, length, (count, steps) = _in_order(memory), memory["length"], commands.shape
     line, lengths = np.concatenate([past, commands], axis=1), np.concatenate([length, step], axis=1)
     depth, width = past.shape[1], line.shape[1]

@@ -11,7 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.trials.catalogue import laws, strengths, words
 from gpsim.trials.catalogue.laws import SENSORS, Actuator, read
 from gpsim.trials.catalogue.strengths import Draw
-from gpsim.trials.catalogue.words import WORDS, places_of
+from gpsim.trials.catalogue.words import DRIVEN, WORDS, places_of
 from gpsim.trials.worlds import Values
 
 SMOOTH: Mapping[str, Callable[..., Any]] = {**laws.SMOOTH, **words.at_site("smooth")}
@@ -23,11 +23,14 @@ TWIST: Mapping[
 ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
     **laws.ACTUATORS,
     **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
+    **words.at_site("commands"),
 }
 LAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("sensor")
 """What sensors do at last, to noise, too: laws of (values, reading)."""
 BRISTLES: Mapping[str, Callable[..., Any]] = words.at_site("bristles")
 """Friction with bristles: laws of (values, speed, bend, inertia)."""
+COUPLINGS: Mapping[str, Callable[..., Any]] = words.at_site("coupling")
+"""Drives with a motor behind a spring: laws of (values, the load's speed, twist and motor's speed, command)."""
 PAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("past")
 """What sensors that remember read of all that was: laws of (values, past, step)."""
 DECK = tuple(sorted(strengths.STRENGTHS))
@@ -37,7 +40,9 @@ STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, 
 __all__ = [
     "ACTUATORS",
     "BRISTLES",
+    "COUPLINGS",
     "DECK",
+    "DRIVEN",
     "GRIP",
     "LAST_SENSORS",
     "PAST_SENSORS",

@@ -26,19 +26,23 @@ class Word:
     """One family.
 
     law: of a force (k, q, v); of a grip (k, v, load); of bristles (k, v, bend, inertia), the force and how fast they
-    bend; of an actuator (k, u, speed of what it drives); of a twist (k, v, lateral, w); of a sensor (k, y); of one that
-    remembers, `past`, (k, all true values of its channel until now (K, E), the time between two of them [s]).
-    by_command: a grip's load is the command's size. needs_levels: only commands of many values show it; needs_speeds:
-    only where speeds are measured beside positions.
+    bend; of an actuator (k, u, speed of what it drives); of a twist (k, v, lateral, w); of a sensor (k, y); of one
+    that remembers, `past`, (k, all true values of its channel until now (K, E), the time between two of them [s]). Of
+    commands: an actuator with memory, made of k. Of a coupling: (k, v, z, u), the force on what the command u drives,
+    and how fast z moves, the twist and the motor's speed. by_command: a grip's load is the command's size.
+    needs_levels: only commands of many values show it; needs_speeds: only where speeds are measured beside positions;
+    ages: only a clock that runs on. asked: is it asked where nobody requests it, so that worlds are drawn with it?
     """
 
-    site: Literal["smooth", "grip", "bristles", "actuator", "twist", "sensor", "past"]
+    site: Literal["smooth", "grip", "bristles", "actuator", "commands", "coupling", "twist", "sensor", "past"]
     law: Callable[..., Any]
     strength: Draw
     systems: Systems = MECHANICAL
     by_command: bool = False
     needs_levels: bool = False
     needs_speeds: bool = False
+    ages: bool = False
+    asked: bool = True
 
 
 def _dead_band(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
@@ -142,6 +146,48 @@ def _bristles_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return out
 
 
+def _coupled(k: Values, v: FloatArray, z: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Newton's law for the motor; v is the load's speed."""
+    ahead = z[:, 1] - v
+    pull = k["stiffness"] * z[:, 0] + k["damping"] * ahead
+    return pull, np.stack([ahead, (u - pull) / k["inertia"]], axis=1)
+
+
+def _coupling_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    """Motor and load swing against each other at 1.5 to 4 Hz, damped by 2 to 15 %."""
+    load, turn = s.inertia(DRIVEN[s.world.system]), 2 * np.pi * d.any(1.5, 4.0)
+    inertia = d.size(0.1, 0.6) * load
+    light = inertia * load / (inertia + load)
+    damping = 2 * d.any(0.02, 0.15) * light * turn
+    return {
+        "stiffness": rounded(light * turn**2),
+        "damping": rounded(damping),
+        "inertia": rounded(inertia),
+    }
+
+
+class SlowClock:
+    """Commands are read off by a clock that loses k['drift'] ppm: at t those are held that were given at t (1 - d)."""
+
+    def __init__(self, k: Values) -> None:
+        self._loses = k["drift"] * 1e-6
+        self._given: list[FloatArray] = []
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        """What that clock reads half a step on; between two commands, what both share of the step."""
+        self._given.append(u)
+        ago = self._loses * (t + h / 2) / h
+        last, rows = len(self._given) - 1, range(len(u))
+        newer = np.floor(ago).astype(int)
+
+        def then(back: FloatArray) -> FloatArray:
+            return np.array(
+                [self._given[last - b][i] if b <= last else 0.0 for i, b in zip(rows, back, strict=True)]
+            )
+
+        return np.asarray((1.0 - ago + newer) * then(newer) + (ago - newer) * then(newer + 1))
+
+
 def _filtered(k: Values, past: FloatArray, h: float) -> FloatArray:
     """An exponentially weighted mean of all that was, each value held for h; the first one for ever before."""
     back = past[::-1][: 1 + int(np.ceil(25.0 * k["time_constant"] / h))]
@@ -162,6 +208,14 @@ WORDS: Mapping[str, Word] = {
         systems=(*MECHANICAL, "unicycle"),
         needs_levels=True,
     ),
+    "clock_drift": Word(
+        "commands",
+        SlowClock,
+        lambda s, on, d: {"drift": rounded(d.size(80.0, 450.0))},
+        systems=(*MECHANICAL, "unicycle"),
+        ages=True,
+    ),
+    "flexible_coupling": Word("coupling", _coupled, _coupling_strength, asked=False),
     "torque_speed_limit": Word("actuator", _torque_line, _torque_line_strength),
     "cubic_spring": Word(
         "smooth",
@@ -229,6 +283,8 @@ def places_of(family: str, system: Any, velocities: str | None = "measured") -> 
         return [DRIVEN[system.name]]
     at = {
         "actuator": list(system.action),
+        "commands": list(system.action),
+        "coupling": list(system.action),
         "twist": ["vehicle"],
         "sensor": list(system.names),
         "past": list(system.names),

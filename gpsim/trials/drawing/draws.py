@@ -55,7 +55,7 @@ def first_family(seed: int, stratum: Stratum, rank: int) -> str | None:
         return None
     names = list(catalogue.DECK)
     if stratum == "words":
-        names = sorted(catalogue.WORDS)
+        names = sorted(name for name, word in catalogue.WORDS.items() if word.asked)
     if stratum == "curves":
         names = sorted(outside.CURVES)
     if stratum == "unknown":
@@ -176,13 +176,14 @@ def bare_world(
     noise = {n: float(f"{sd * NOISE[level] * rng.uniform(0.5, 2.0):.3g}") for n, sd in system.sensors.items()}
     episodes = max(int(np.ceil(wanted / steps)), 5)
     hanging = attempt > 0 or rng.random() < 0.5
-    sag = any(f == "battery_sag" for f, _ in effects)
+    ages = {"battery_sag", *(name for name, word in catalogue.WORDS.items() if word.ages)}
+    runs_on = not ages.isdisjoint(f for f, _ in effects)
     return World(
         seed=seed, number=number, attempt=attempt, stratum=stratum, long=long, system=system.name,
         parameters={n: float(f"{rng.uniform(*r):.3g}") for n, r in system.parameters.items()},
         integrator=str(rng.choice(["euler", "semi_implicit", "rk4"], p=[0.4, 0.3, 0.3])),
         dt=dt, engine="rk4", effects=(), episodes=episodes, steps=steps,
-        clock="session" if sag or rng.random() < 0.5 else "episode",
+        clock="session" if runs_on or rng.random() < 0.5 else "episode",
         excitation=str(rng.choice(signals)),
         posture=("hanging" if hanging else "upright") if system.name == "cartpole" else "",
         noise_level=level, noise=noise, noise_known=bool(rng.random() < 0.5), velocities=velocities,

@@ -119,8 +119,8 @@ class _Mass(HiddenForce):
         return 0.0
 
 
-class FlexibleCoupling(_Mass):
-    """A second inertia behind a spring and a damper."""
+class FlexibleAppendage(_Mass):
+    """A second inertia that hangs on the body by a spring and a damper; a drive has it on its other side."""
 
     since = 0
 

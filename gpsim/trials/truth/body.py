@@ -105,7 +105,7 @@ class Now(NamedTuple):
 class Body(Moving):
     """Steps a batch of a mechanical system with its effects. Hidden states live in `hidden`, (B, 2) an effect.
 
-    Those of kinds outside the catalogue come first, then those of its bristles.
+    Those of kinds outside the catalogue come first, then those of its bristles, then those of its couplings.
     """
 
     def __init__(self, system: str, parameters: Mapping[str, float], effects: Sequence[TrueEffect]) -> None:
@@ -119,14 +119,23 @@ class Body(Moving):
         self._inertias = [(INERTIAS[e.family](e.values), index[e.on]) for e in uneven]
         self._hidden = [(HIDDEN[e.family](e.values), index[e.on]) for e in effects if e.family in HIDDEN]
         self._bristles = [(e, index[e.on]) for e in effects if e.family in catalogue.BRISTLES]
+        self._couplings = [e for e in effects if e.family in catalogue.COUPLINGS]
         self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
         self._dry_columns = sorted({c for _, c in self._dry})
         self._loaded = any("coefficient" in e.values for e, _ in self._dry)
+
+    @property
+    def _driven_column(self) -> int:
+        """The state column of the coordinate that the command drives."""
+        return self._system.names.index(catalogue.DRIVEN[self._system.name])
 
     def begin(self, s: FloatArray) -> FloatArray:
         """Two of every force that has some."""
         parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
         parts += [np.zeros((len(s), 2)) for _ in self._bristles]
+        if self._couplings:
+            speed = s[:, self._driven_column + 1]
+            parts += [np.stack([np.zeros(len(s)), speed], axis=1) for _ in self._couplings]
         return np.hstack([np.empty((len(s), 0)), *parts])
 
     def step(
@@ -193,6 +202,11 @@ class Body(Moving):
             push, rate = rubs(effect.values, s[:, 2 * c + 1], bend, 1.0 / inverse[:, c, c])
             force[:, c] += push
             drift.append(np.stack([rate, np.zeros_like(rate)], axis=1))
+        for effect in self._couplings:
+            c, part = self._driven_column, z[:, 2 * len(drift) : 2 * len(drift) + 2]
+            pull, rate = catalogue.COUPLINGS[effect.family](effect.values, s[:, c + 1], part, now.u[:, 0])
+            force[:, c // 2] += pull - now.u[:, 0]
+            drift.append(rate)
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
         if self._dry:
             acceleration = self._with_friction(acceleration, inverse, p, s, now, direction)

@@ -17,7 +17,7 @@ from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
 HIDDEN_STATES = (
     dict.fromkeys(outside.at_site(outside.HiddenForce), 2)
     | dict.fromkeys(outside.at_site(outside.HiddenTwist), 1)
-    | dict.fromkeys(catalogue.BRISTLES, 2)
+    | dict.fromkeys((*catalogue.BRISTLES, *catalogue.COUPLINGS), 2)
 )
 """Kinds that remember in the body, and how many columns that takes."""
 
@@ -80,7 +80,8 @@ class Replay:
     @property
     def _hidden(self) -> list[int]:
         """The columns of the truth's hidden states that belong to the effects that are present."""
-        ordered = sorted(self._world.effects, key=lambda e: e.family in catalogue.BRISTLES)
+        last = (*catalogue.BRISTLES, *catalogue.COUPLINGS)
+        ordered = sorted(self._world.effects, key=lambda e: last.index(e.family) if e.family in last else -1)
         widths = [(e in self._effects, HIDDEN_STATES.get(e.family, 0)) for e in ordered]
         owned = [there for there, width in widths for _ in range(width)]
         return [i for i, there in enumerate(owned) if there]

@@ -1,0 +1,76 @@
+"""How far elastic drives are twisted as windows begin: what was commanded before tells it, and speeds that were read.
+
+A twist swings by itself and may hardly fade, so what it was long ago matters. It is what fits the speeds of the stretch
+before the window best: they are linear in it, like the twist as the window begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.diagnosis.data import Windows
+from gpsim.effects import Chain, Values, bend_key, twisted
+from gpsim.simulators import Memory
+
+BACK = 60  # transitions that are looked at
+RIDGE = 1e-9  # of the squares of what a twist does to speeds: one that has faded cannot be told, and does not matter
+
+
+def twists_of(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values]) -> Memory:
+    """Of rows (B,) of windows, (B, 2) by term; where nothing had moved nothing is twisted.
+
+    What else accelerates a load is found at the states that were read; dry friction is taken for even over the stretch.
+    """
+    windows = windows.remembering(BACK)
+    states = np.concatenate([windows.before_states, windows.measured[:, :1]], axis=1)[rows]
+    clock = windows.before_t[rows]
+    steps = np.maximum(np.diff(clock, axis=1), 1e-9)
+    actions = _acted(chain, windows.before_actions[rows], steps, clock[:, :-1], values)
+    out: Memory = {}
+    for i, column, speed, rate in chain.elastic:
+        (count, times), term = steps.shape, values[i]
+        # What commands do to a drive that was not twisted, and what a twist and its rate do by themselves.
+        paths = [np.tile(first, (count, 1)) for first in ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0])]
+        speeds = np.zeros((count, times + 1, 3))
+        for k in range(times):
+            at = chain.instant(states[:, k], actions[:, k], values, steps[:, k], clock[:, k])
+            own, reacts = chain.loose(at, values, column, rate)
+            push = at.action[:, column] / term["inertia"] - own
+            for j, path in enumerate(paths):
+                driven = push if j == 0 else np.zeros_like(push)
+                paths[j], mean = twisted(path, driven, reacts, steps[:, k], term)
+                gains = reacts * mean + (own if j == 0 else 0.0)
+                speeds[:, k + 1, j] = speeds[:, k, j] + steps[:, k] * gains
+        since = (clock - clock[:, :1]) / np.maximum(clock[:, -1:] - clock[:, :1], 1e-9)
+        causes = np.stack([np.ones_like(since), since, speeds[:, :, 1], speeds[:, :, 2]], axis=2)
+        first = _fitted(causes, states[:, :, speed] - speeds[:, :, 0])
+        twist = paths[0] + first[:, 2:3] * paths[1] + first[:, 3:4] * paths[2]
+        twist[windows.rested[rows]] = 0.0
+        out[bend_key(i)] = np.nan_to_num(twist, posinf=0.0, neginf=0.0)
+    return out
+
+
+def _acted(
+    chain: Chain, given: FloatArray, steps: FloatArray, t: FloatArray, values: Sequence[Values]
+) -> FloatArray:
+    """(B, K, A) what has become of commands by whole control steps; as given where that depends on the state."""
+    if not chain.actuates or chain.looks:
+        return given
+    memory = chain.rest(len(given), float(np.median(steps)))
+    nowhere = np.empty((len(given), given.shape[1] + 1, 0))  # nobody looks at states
+    return chain.commands(given, nowhere, values, memory, steps, t)
+
+
+def _fitted(causes: FloatArray, speeds: FloatArray) -> FloatArray:
+    """(B, C) least squares of speeds (B, K) on causes (B, K, C), which differ in size."""
+    size = np.maximum(np.sqrt(np.square(causes).sum(axis=1)), 1e-300)
+    scaled = causes / size[:, None]
+    square = scaled.transpose(0, 2, 1) @ scaled + RIDGE * np.eye(causes.shape[2])
+    known = np.isfinite(square).all(axis=(1, 2)) & np.isfinite(speeds).all(axis=1)
+    out = np.zeros((len(causes), causes.shape[2]))
+    right = (scaled.transpose(0, 2, 1) @ speeds[:, :, None])[known]
+    out[known] = np.linalg.solve(square[known], right)[:, :, 0] / size[known]
+    return out
