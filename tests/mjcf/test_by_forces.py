@@ -97,7 +97,8 @@ def test_another_law_acts_with_the_value_that_it_has(arm):
     pushed = _with(account, offers, "quadratic_drag", "one", 0.1)
     found = by_forces(question.everything, question.recording, pushed, offers)
     plain = by_forces(question.everything, question.recording, account, offers)
-    speed = np.abs(question.recording.episodes[0].states[:, 2])
+    names = question.everything.simulator.state.names
+    speed = np.abs(question.recording.episodes[0].states[:, names.index("one_dot")])
     alike = 0.1 * np.mean(speed**3) / np.mean(speed**2)  # viscous friction that is nearest to the drag
     for sizes, without in zip(found, plain, strict=True):
         assert sizes.account.theta[-1] == 0.1
