@@ -1,8 +1,8 @@
 """A clock that drifts: the simulator gets u(t - d t), with t since the clock began.
 
 Definition: a computer that gives commands by a clock of its own, slow by d against the one that stamps what is read. An
-even rate is the usual model of an oscillator's drift (Mills, Martin, Burbank and Kasch 2010, RFC 5905, Network Time
-Protocol Version 4). It acts on commands, which are known before they act, and makes them later and later.
+even rate is the first order of an oscillator's drift. It acts on commands, which are known before they act, and makes
+them later and later.
 A fast clock would make them act before they are given, which no simulator can step through that is driven live; and
 what a sensor reads is not asked when it was read, so that side has no clock.
 """
@@ -22,7 +22,7 @@ from gpsim.simulators import Memory
 
 MILLION = 1e6  # ppm
 LARGEST = 2000.0  # ppm: twenty times what a poor crystal has; clocks without one are no computers'
-TOLERATED = 500.0  # ppm, up to which NTP takes a clock for one that works (RFC 5905)
+TOLERATED = 500.0  # ppm, by which a clock may be steered: what drifts more is broken (Linux, adjtimex(2))
 REMEMBERED = (
     0.4  # s, at least, whatever the clock of what is driven: the most that a delay is searched for up to
 )
@@ -41,7 +41,12 @@ class ClockDrift(ActuatorDelay):
     order: ClassVar[int] = 11
     takes: ClassVar[Mapping[str, float]] = {"delay": 0.0, "drift": 0.0}
     plausible: ClassVar[Mapping[str, Plausible]] = {
-        "drift": Plausible(0.0, TOLERATED, "1", "crystals 1 to 100 ppm each; NTP gives up at 500 (RFC 5905)"),
+        "drift": Plausible(
+            0.0,
+            TOLERATED,
+            "1",
+            "crystals 1 to 100 ppm each; clocks are steered by 500 at most (Linux, adjtimex(2))",
+        ),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
