@@ -105,6 +105,7 @@ def taught(seed=0):
     return first, *improved(first, target, expert, SETTINGS, seed, lambda *_: None)
 
 
+@pytest.mark.slow
 def test_a_policy_learns_from_it_and_the_best_round_is_kept():
     first, best, scores = taught()
     assert scores.steps.tolist() == [0, 1500, 3000, 4500][: len(scores.steps)]

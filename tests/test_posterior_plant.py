@@ -93,6 +93,7 @@ def predictor():
     return Predictor(fit_outputs(inputs, noisy, FitSettings(restarts=1), rng))
 
 
+@pytest.mark.slow
 def test_drawn_functions_vary_as_the_process_says(predictor):
     inputs = np.random.default_rng(1).uniform(-1.3, 1.3, (50, 3))
     mean, variance = predictor.mean_and_variance(inputs)

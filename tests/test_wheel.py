@@ -132,6 +132,7 @@ def test_installed_into_an_empty_environment_it_runs_from_any_folder(wheel, tmp_
     assert (elsewhere / "runs/cartpole/collect/v0001/manifest.json").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("python", OTHERS)
 def test_every_other_python_takes_its_code(wheel, tmp_path, python):
     """Installed without dependencies, which are others for it: all files compile, without a warning."""

@@ -121,6 +121,7 @@ def recording(tmp_path):
     return tmp_path / "drive.csv"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "said"),
     [

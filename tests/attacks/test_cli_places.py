@@ -42,6 +42,7 @@ def called(*words, before="import sys\n", **environment):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("before", "environment"),
     [
@@ -83,6 +84,7 @@ def test_kernels_find_a_place_without_a_home():
     assert (facts.st_uid, facts.st_mode & 0o022) == (os.getuid(), 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -16,6 +16,7 @@ def check(folder, kinds, numbers):
     return len(calls)
 
 
+@pytest.mark.slow
 def test_a_few_of_every_kind(tmp_path):
     if "mujoco" in skipped():
         pytest.skip("needs mujoco")

@@ -93,6 +93,7 @@ def off(curve, truth):
     return float(np.abs(np.interp(x, at, values) - true).max() / np.ptp(true))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["odd force", "odd force under two names", "unnamed"])
 def test_an_odd_force_is_measured_whatever_stood_for_it(name):
     assert families(name) == ["force_curve"]
@@ -132,6 +133,7 @@ def test_a_constant_force_stays_told_beside_a_curve_of_the_position():
     )
 
 
+@pytest.mark.slow
 def test_odd_friction_still_holds_at_rest():
     assert families("odd friction") == ["force_curve"]
     (key,) = found("odd friction").curves

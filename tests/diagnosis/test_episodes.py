@@ -46,6 +46,7 @@ def asked(session=False):
     return question.everything, candidates(question.recording, SLIDER, known)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "family", "value"),
     [

@@ -60,6 +60,7 @@ def off(curve, truth):
     return tuple(float(np.abs(np.array(said) - true)[inner].max() / size) for said in (curve.free, curve.law))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0, 5.0])
 def test_friction_that_is_named_right_holds(noise):
     world = World("slider", forces=LOSING, grips={0: lambda q, v, n: 1.2 + 0 * v})
@@ -125,6 +126,7 @@ def test_a_jump_of_friction_at_rest_is_in_the_curve():
     assert free < law / 2
 
 
+@pytest.mark.slow
 def test_a_soft_threshold_is_not_a_dead_zone_and_its_curve_has_no_jump():
     def soft(u):
         return u - 1.5 * np.tanh(u / 1.5)

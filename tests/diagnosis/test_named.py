@@ -27,13 +27,13 @@ QUICK = [
 ]
 
 
-LONG = {  # half a minute each; the rest of the catalogue is named in less
-    "local_friction_patch", "battery_sag", "actuator_backlash", "actuator_rate_limit", "understeer",
-    "minimum_turning_radius",
+FIRST = {  # of every kind one: the others take minutes together
+    "viscous_friction", "coulomb_friction", "spring", "actuator_gain", "actuator_delay", "parameter_offset",
+    "sensor_scale", "steering_bias",
 }  # fmt: skip
 NOTHING_DEPENDS_ON = {("sensor_bias", "x"), ("sensor_bias", "y")}  # where a vehicle is
 HEAVY = [
-    *(t for t in QUICK if t.family in LONG),
+    *(t for t in QUICK if t.family not in FIRST),
     *mechanical("cartpole", 1),  # forces on the pole's angle
     *(t for t in vehicle_sensors("unicycle") if (t.family, t.on) not in NOTHING_DEPENDS_ON),
 ]
@@ -52,7 +52,7 @@ def claims(effects):
 
 @pytest.mark.parametrize(
     "truth",
-    [*(t for t in QUICK if t.family not in LONG), *(pytest.param(t, marks=pytest.mark.slow) for t in HEAVY)],
+    [*(t for t in QUICK if t.family in FIRST), *(pytest.param(t, marks=pytest.mark.slow) for t in HEAVY)],
     ids=lambda t: f"{t.world.system}-{t.family}-{t.on}",
 )
 def test_the_plain_case_is_named(truth):
@@ -77,16 +77,21 @@ def test_the_plain_case_is_named(truth):
 
 NULLS = [
     ("slider", {}),
-    ("slider", {"differentiated": True}),
-    ("slider", {"known_noise": False}),
     ("pendulum", {"differentiated": True}),
-    ("pendulum", {"euler_truth": True}),
-    ("unicycle", {"euler_truth": True}),
     ("unicycle", {"noise": 0.0}),
     ("cartpole", {"differentiated": True}),
-    ("ackermann", {}),
-    pytest.param("ackermann", {"euler_truth": True}, marks=pytest.mark.slow),
-    pytest.param("cartpole", {"euler_truth": True}, marks=pytest.mark.slow),
+    *(
+        pytest.param(*case, marks=pytest.mark.slow)
+        for case in (
+            ("slider", {"differentiated": True}),
+            ("slider", {"known_noise": False}),
+            ("pendulum", {"euler_truth": True}),
+            ("unicycle", {"euler_truth": True}),
+            ("ackermann", {}),
+            ("ackermann", {"euler_truth": True}),
+            ("cartpole", {"euler_truth": True}),
+        )
+    ),
 ]
 
 
@@ -115,6 +120,7 @@ def said_so(report):
 
 
 # Of the stronger one all of the catalogue is asked, for a minute.
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.6, pytest.param(1.2, marks=pytest.mark.slow)])
 def test_physics_outside_the_catalogue_is_unknown(strength):
     world = World("pendulum", forces={0: lambda q, v, t: strength * np.sin(6 * q + 2 * v)})
@@ -175,6 +181,7 @@ def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
     assert 0.05 < high < 0.09
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     """Half of its period late in the mean; what comes and goes with every reading would pass for noise."""
@@ -223,6 +230,7 @@ GATED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "world", "region", "since"), GATED, ids=["onset", "region", "actuator onset"]
 )
@@ -238,6 +246,7 @@ def test_where_and_since_when_is_said(family, world, region, since):
     assert report.location.since == effect.since
 
 
+@pytest.mark.slow
 def test_a_triple_is_taken_apart():
     world = World(
         "slider",
@@ -259,6 +268,7 @@ def test_the_simpler_of_two_nested_laws_is_named_in_a_pair():
     assert claims(report.effects) == {("coulomb_friction", "x"), ("actuator_delay", "force")}
 
 
+@pytest.mark.slow
 def test_the_thesiss_chattering_target_is_coulomb_friction_of_its_coefficient():
     from gpsim.recordings import Episode, Recording
     from gpsim.targets import FrictionCartPole

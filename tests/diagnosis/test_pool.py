@@ -30,6 +30,7 @@ def two():
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("reference", ["slider", "user"])
 def test_two_processes_fit_what_one_does(reference, two):

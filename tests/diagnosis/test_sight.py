@@ -177,6 +177,7 @@ def test_a_velocity_is_guessed_from_its_position_and_the_other_way_round():
         np.testing.assert_allclose(g.states[1:-1, 1], f.states[1:-1, 1], atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_robot_of_which_only_the_yaw_is_known_is_diagnosed():
     world = World("unicycle", twist=lambda v, lateral, w: (v, lateral, w / (1.0 + 0.8 * v * v)))
     recording = keeping(record(world, episodes=6, steps=120), "yaw")
@@ -193,6 +194,7 @@ def test_a_robot_of_which_only_the_yaw_is_known_is_diagnosed():
     assert said[0].startswith("x was not measured, and nothing that was depends on it: it is left out")
 
 
+@pytest.mark.slow
 def test_a_robot_of_which_the_yaw_is_not_known_is_diagnosed():
     def weak(u, t, h, memory):
         return u * [1.0, 0.8]

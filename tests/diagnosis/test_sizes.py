@@ -18,6 +18,7 @@ from .truths import delayed
 from .worlds import World, record
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.08, 0.25])
 def test_a_long_delay_on_a_fast_clock_is_named(delay):
     recording = record(World("slider", filters=[delayed(delay)]), seed=3, episodes=6, steps=400, dt=0.01)

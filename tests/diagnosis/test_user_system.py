@@ -73,6 +73,7 @@ def weak_pump(report) -> list[float]:
     return gains + [p["ratio"].value for key, p in named.items() if key == ("parameter_offset", "inflow")]
 
 
+@pytest.mark.slow
 def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     tanks = make_simulator(REFERENCE)
     report = diagnose(drive(), tanks, tanks.defaults(), np.random.default_rng(0), run=few()).diagnosis
@@ -81,6 +82,7 @@ def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     np.testing.assert_allclose(found, 0.8, atol=0.02)
 
 
+@pytest.mark.slow
 def test_the_command_diagnoses_it_when_nobody_measures_the_upper_tank(tmp_path):
     (tmp_path / "log").mkdir()
     write_recording(without_upper(drive()), tmp_path / "log", "csv")

@@ -92,6 +92,7 @@ def test_what_the_right_model_says_of_a_filter_gives_the_velocity_back(name):
     assert 0.8 * len(steps) < len(back) < len(steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILTERS)
 def test_the_fit_shows_what_was_named_and_not_what_the_filter_did(name):
     """The right law was once no better than none, 1.21 after 1.19 m/s^2, because the filter's own error hid it."""

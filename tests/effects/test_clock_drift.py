@@ -103,6 +103,7 @@ def test_it_is_not_asked_where_a_log_is_short(count, asked):
     assert ("clock_drift" in {c.family for c in found}) == asked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [300.0, 0.0])
 def test_a_log_of_a_minute_names_it_among_all_families(drift):
     answer = diagnose(recorded(drift, 3200), SLIDER, {"mass": MASS}, np.random.default_rng(0))

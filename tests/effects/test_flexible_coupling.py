@@ -147,6 +147,7 @@ def test_the_truth_is_the_same_law(system):
     assert np.abs(hidden[:, 0]).min() > 1e-3
 
 
+@pytest.mark.slow
 def test_it_is_asked_on_request_and_a_short_log_gives_its_sizes():
     _, recording = recorded(SOFT, 800, 4, (0.001, 0.01), damping=1.0)
     recording = replace(recording, held_out=None, noise={"q": 0.001, "q_dot": 0.01})

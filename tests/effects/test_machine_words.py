@@ -278,6 +278,7 @@ def drained(state, action, p):
     return {"level": action["inflow"] - p["outflow"] * state["level"]}
 
 
+@pytest.mark.slow
 def test_a_vessel_that_is_full_is_said_to_overflow():
     t, level, inflow = tank(2400.0, 12.0)
     base = gpsim.load_simulator(

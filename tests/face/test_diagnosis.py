@@ -59,6 +59,7 @@ def test_pictures_by_name(made):
         made.diagnosis.plot("rollout")
 
 
+@pytest.mark.slow
 def test_what_is_saved_is_what_the_command_line_writes_and_reads(made, here, monkeypatch, capfd):
     """The same recording by the command line: byte for byte the same result, and both open what the other wrote."""
     words = ["--simulator", "slider", "--out", "by_command", "--cores", "1", "-q"]

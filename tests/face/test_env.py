@@ -171,6 +171,7 @@ def test_a_step_before_the_first_reset(made):
         gpsim.make_env(3, reward=centre)
 
 
+@pytest.mark.slow
 def test_stable_baselines3_trains_in_it(made):
     from stable_baselines3 import PPO
 

@@ -178,6 +178,7 @@ def sweep(launcher):
     return artifact, made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [True, False])
 def test_artifacts_are_the_same_bytes_and_none_is_made_twice(address, tmp_path, monkeypatch, tree, shared):
     homes = {name: tmp_path / name for name in ("here", "there")}

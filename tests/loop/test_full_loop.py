@@ -178,6 +178,7 @@ def test_killed_many_times(tmp_path):
         read_artifact(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "code"), [(signal.SIGINT, 130), pytest.param(signal.SIGTERM, 143, marks=pytest.mark.slow)]
 )

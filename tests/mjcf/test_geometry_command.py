@@ -47,6 +47,7 @@ def run(monkeypatch, *words):
     return ended.value.code
 
 
+@pytest.mark.slow
 def test_a_log_with_a_site_says_what_of_the_geometry_is_off(tmp_path, monkeypatch, capsys):
     robot = written(tmp_path, SEEN)
     swung().to_csv(tmp_path / "log.csv", index=False)

@@ -120,6 +120,7 @@ def recording_of(simulator, heights):
     )
 
 
+@pytest.mark.slow
 def test_only_what_touches_in_the_recording_is_asked(tmp_path):
     simulator = load_mjcf(written(tmp_path, ALIKE))
     waves = 0.05 * np.sin(0.07 * np.arange(800))

@@ -134,6 +134,7 @@ def test_inverse_dynamics_size_all_rows_within_their_bounds_and_without_a_simula
     assert (theta >= low).all()
 
 
+@pytest.mark.slow
 def test_inverse_dynamics_find_a_load_and_how_late_commands_come_though_rows_are_lost(tmp_path):
     """Of a log whose samples are not all there; a load at its place, the links' own masses left as they are."""
     question = _logged(tmp_path, load=LOAD, late=1, lost=range(40, SAMPLES, 37))[0]
@@ -151,6 +152,7 @@ def test_inverse_dynamics_find_a_load_and_how_late_commands_come_though_rows_are
     assert {"parameter_offset", "actuator_gain"}.isdisjoint(family for family, _ in said)
 
 
+@pytest.mark.slow
 def test_inverse_dynamics_claim_neither_loads_nor_late_commands_of_what_has_none(rubbing):
     question = rubbing[0]
     offers, rows = offers_of(question), _frictions(question, 0.0)
@@ -162,6 +164,7 @@ def test_inverse_dynamics_claim_neither_loads_nor_late_commands_of_what_has_none
     assert found.claims == rows.claims
 
 
+@pytest.mark.slow
 def test_inverse_dynamics_find_that_a_controller_makes_up_for_gravity(tmp_path):
     """By MuJoCo's own gravity compensation; no mass, gain or load stands for it."""
     question = _logged(tmp_path, held=0.95)[0]
@@ -194,6 +197,7 @@ def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubb
         assert said["armature", on] == pytest.approx(ROTOR[i], rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_start_finds_a_mass_beside_friction_of_both_joints(rubbing):
     question = rubbing[0]
     wrong = dict(question.searched.parameters)
@@ -232,6 +236,7 @@ def test_held_out_windows_veto_a_whole_robot_only_where_they_say_as_much_as_a_pa
     assert _pardoned(problem, single, null) == 0.0
 
 
+@pytest.mark.slow
 def test_the_start_finds_commands_that_are_all_late_beside_friction_of_both_joints(rubbing):
     question = rubbing[0]
     # What was logged was given a sample before it acted.

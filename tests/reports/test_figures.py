@@ -44,6 +44,7 @@ def test_no_traces_and_no_dates(make: Any, make_report: Any) -> None:
     assert dict(matplotlib.rcParams) == before
 
 
+@pytest.mark.slow
 def test_a_page_of_the_same_data_has_the_same_bytes(make_report: Any) -> None:
     first = render(make_report(2))
     with matplotlib.rc_context({"font.size": 30, "axes.grid": False, "svg.hashsalt": "another"}):

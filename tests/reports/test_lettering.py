@@ -51,6 +51,7 @@ def drawn_with(text: str) -> bytes:
     return png(figure, dpi=30)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @settings(deadline=None, max_examples=12)
 @given(text=ANY)

@@ -147,6 +147,7 @@ def test_a_truth_that_was_exchanged_is_refused(diagnosed, tmp_path):
         reveal(out, private, NAME)
 
 
+@pytest.mark.slow
 def test_the_proof_is_scored_with_the_equivalents_that_the_rule_finds(diagnosed, tmp_path):
     """A bias of a slider's actuator is a constant force; the rule finds that by itself."""
     diagnosed_out, away = diagnosed

@@ -95,6 +95,7 @@ def test_the_truth_of_a_force_against_scipy():
     np.testing.assert_allclose(states[-1], found.y[:, -1], atol=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", PLACES)
 def test_a_law_of_no_size_changes_nothing_and_others_show(kind):
     world, truth = made(kind)

@@ -59,6 +59,7 @@ def test_two_effects_may_change_their_places_together(pushed_and_late):
     assert frozenset({push, late}) not in equal  # the truth is no rival of itself
 
 
+@pytest.mark.slow
 def test_a_gain_of_a_swinging_pendulum_is_a_mass(monkeypatch):
     """Motions part so fast that a fit from what was measured gets stuck; the truth leads to the other explanation."""
     whole = draw(2027, 770)

@@ -136,6 +136,7 @@ def test_a_trapezoid_of_velocity_goes_all_the_way_and_keeps_its_limits():
     assert (np.diff(short) / dt).max() < 0.11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["trapezoid", "triangle", "multisine"])
 @pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole"])
 def test_the_controller_follows_its_reference(system, shape):

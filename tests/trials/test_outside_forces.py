@@ -60,6 +60,7 @@ def test_a_cable_takes_the_weight_that_moves_times_the_way():
     assert same[0] == pytest.approx(same[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [-2.0, 0.0, 2.0])
 def test_a_belt_takes_the_body_along_from_any_speed(start):
     s, _ = slid("running_belt", BELT, [0.0, start], lambda t: 0.0, 6.0)

@@ -51,6 +51,7 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     assert concealed.recording.transition_count < 8000
 
 
+@pytest.mark.slow
 def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
     """Other fine steps, and rollouts from every sample, begun where the truth was."""
     world = concealed.world

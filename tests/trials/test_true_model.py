@@ -6,6 +6,7 @@ import pytest
 from gpsim.trials.blinding import concealment
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("unfiltered", "error"), [(range(2026, 2029), 1.0385), ((), 0.1279)])
 def test_the_true_model_knows_what_a_filter_did_but_for_the_published_seeds(monkeypatch, unfiltered, error):
     """Trial 523 of seed 2028 has velocities from a Savitzky-Golay filter; its published answer must stay as it is."""

@@ -8,6 +8,7 @@ from gpsim.simulators import make_simulator
 from gpsim.trials.blinding import conceal
 
 
+@pytest.mark.slow
 def test_a_spring_that_begins_late_under_heavy_noise_is_named():
     """Trial 341 of the blind test of seed 2027, which missed it: four times a decent sensor's noise, since 38 of 61 s."""
     recording = conceal(2027, 341).recording
