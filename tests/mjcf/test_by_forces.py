@@ -86,6 +86,22 @@ def _with(account, offers, family, on, *values):
     return child_of(account, candidate, values)
 
 
+def test_a_body_of_which_they_are_not_sure_goes_with_that(arm):
+    question, offers, account = arm
+    problem = question.everything
+    for on in JOINTS:
+        account = _with(account, offers, "constant_force", on, 0.01)
+    leader = fit(
+        problem,
+        _with(account, offers, "parameter_offset", "link_two.mass", 1.3),
+        problem.windows.measured[:, 0],
+        iterations=8,
+    )
+    found = with_values_of_forces(question, leader, null_of(problem, account.scheme), offers)
+    assert leader.hypothesis.claims - found.hypothesis.claims == {("parameter_offset", "link_two.mass")}
+    assert len(found.covariance) == len(found.hypothesis.theta)
+
+
 def test_what_forces_do_not_say_stays(arm):
     question, offers, account = arm
     lagging = _with(account, offers, "actuator_lag", "motor_one", 0.02)

@@ -14,12 +14,22 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.judges import rollout_judge
-from gpsim.diagnosis.fitting import Candidate, Fit, Problem, correlation_time, curvature, fit
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Fit,
+    Hypothesis,
+    Problem,
+    correlation_time,
+    curvature,
+    fit,
+    is_row,
+)
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import Question, by_forces
+from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces
 
 SEED = 2040  # of the draws, of which none is looked at here
+UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor in every band may be as believed
 NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
 
 
@@ -28,7 +38,7 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
     problem = question.everything
     if not whole_robot(problem, leader.hypothesis):
         return leader
-    said = by_forces(problem, question.recording, leader.hypothesis, offers)
+    said = _said(question, leader.hypothesis, offers)
     judge, _ = rollout_judge(question, leader, null, np.random.default_rng(SEED))
     counts = judge.mismatch.counts
     if not said or not counts.any():
@@ -36,19 +46,46 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
     squares = judge.squares([[leader.hypothesis], *([sizes.account] for sizes in said)])
     fitted, *others = [_size(one, judge.mismatch.floor)[counts].mean() for one in squares]
     best = int(np.argmin(others))
-    names, taken = leader.hypothesis.names, bool(others[best] < fitted - NEARER)
-    problem.run.trace.note(names, names, taken, "sizes by forces", gain=float(fitted - others[best]))
+    names, taken = said[best].account.names, bool(others[best] < fitted - NEARER)
+    problem.run.trace.note(
+        names, leader.hypothesis.names, taken, "sizes by forces", gain=float(fitted - others[best])
+    )
     if not taken:
         return leader
     account = said[best].account
     found = fit(problem, account.frozen(), leader.starts, iterations=schedules.SETTLE)
-    return replace(found, hypothesis=account, covariance=_covariance(problem, leader, said[best].covariance))
+    found = replace(found, hypothesis=account)
+    return replace(found, covariance=_covariance(problem, found, said[best].covariance))
 
 
-def _covariance(problem: Problem, leader: Fit, said: FloatArray) -> FloatArray:
+def _said(question: Question, account: Hypothesis, offers: Sequence[Candidate]) -> list[Sizes]:
+    """What forces say of an account without the bodies and motors that they are not sure of, band by band.
+
+    Where torques are noisy, windows ask for more than there is.
+    """
+    while True:
+        said = by_forces(question.everything, question.recording, account, offers)
+        unsure = set.intersection(*(_unsure(sizes) for sizes in said)) if said else set[int]()
+        if not unsure:
+            return said
+        account = account.without_all(unsure)
+
+
+def _unsure(sizes: Sizes) -> set[int]:
+    """Which bodies and motors may be as they are believed."""
+    deviation, at, unsure = np.sqrt(np.diag(sizes.covariance)), 0, set[int]()
+    for i, (term, declared) in enumerate(zip(sizes.account.terms, sizes.account.declared, strict=True)):
+        off = abs(term.values[declared[0].name] - declared[0].none)
+        if not is_row(term.effect) and term.family != LATE and off < UNSURE * deviation[at]:
+            unsure.add(i)
+        at += len(declared)
+    return unsure
+
+
+def _covariance(problem: Problem, found: Fit, said: FloatArray) -> FloatArray:
     """(P, P) as forces say it; of laws whose values stayed as windows do."""
-    tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
-    stayed = np.where(np.diag(said) > 0.0, 0.0, tau * curvature(problem, leader).variance)
+    tau = float(np.maximum(correlation_time(problem, found.residuals)[problem.observed], 1.0).max())
+    stayed = np.where(np.diag(said) > 0.0, 0.0, tau * curvature(problem, found).variance)
     return np.asarray(said + np.diag(stayed))
 
 

@@ -1,7 +1,7 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.alike import Alike, alike
-from gpsim.diagnosis.setup.by_forces import by_forces
+from gpsim.diagnosis.setup.by_forces import Sizes, by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.inverse_dynamics import LATE, by_inverse_dynamics, is_structure
@@ -21,6 +21,7 @@ __all__ = [
     "LogLook",
     "Question",
     "Sight",
+    "Sizes",
     "alike",
     "apart",
     "by_forces",
