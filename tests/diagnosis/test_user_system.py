@@ -23,6 +23,7 @@ from gpsim.residuals.checks import check_rates
 from gpsim.residuals.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected
+from gpsim.trust import trusting
 
 pytestmark = pytest.mark.usefixtures("own_files")
 
@@ -100,9 +101,10 @@ def test_the_command_diagnoses_it_when_nobody_measures_the_upper_tank(tmp_path):
 
 @pytest.fixture(scope="module")
 def blind():
-    tanks = make_simulator(REFERENCE)
-    recording = without_upper(drive())
-    return diagnose(recording, tanks, tanks.defaults(), np.random.default_rng(0), run=few())
+    with trusting():
+        tanks = make_simulator(REFERENCE)
+        recording = without_upper(drive())
+        return diagnose(recording, tanks, tanks.defaults(), np.random.default_rng(0), run=few())
 
 
 def test_what_a_hidden_state_does_to_the_report(blind):
