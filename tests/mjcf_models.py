@@ -37,6 +37,16 @@ SKID = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody
 """A ball that is dragged over a floor without turning; the friction of both is to be filled in."""
 
 
+def linked(joints: tuple[str, ...], axis: str, at: str, inertial: str) -> str:
+    """A chain of bodies, each at `at` of the one before and turned by a motor about `axis`, without any friction."""
+    body = ""
+    for name in reversed(joints):
+        joint = f'<joint name="{name}" axis="{axis}" damping="0"/>'
+        body = f'<body name="link_{name}" pos="{at}">{joint}<inertial {inertial}/>{body}</body>'
+    motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in joints)
+    return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+
+
 def written(folder: Path, text: str, name: str = "robot.xml") -> str:
     """The file of a model; its path as a reference."""
     path = folder / name

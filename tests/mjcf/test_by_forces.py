@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-from mjcf_models import written
+from mjcf_models import linked, written
 
 from gpsim.diagnosis.attribution import with_values_of_forces
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit
@@ -18,23 +18,14 @@ from gpsim.stages.diagnose import Task, open_recording
 JOINTS, DT, SAMPLES = ("one", "two"), 0.01, 3000
 ROTORS, VISCOUS, NOISE = (0.05, 0.03), (0.3, 0.2), (1.2, 0.8)
 """kg m^2, N m s/rad, and of the torques N m: half of what moves the arm."""
-
-
-def _model() -> str:
-    body = ""
-    for name in reversed(JOINTS):
-        joint = f'<joint name="{name}" axis="0 0 1" damping="0"/>'
-        mass = '<inertial mass="0.4" pos="0.1 0 0" diaginertia="0.004 0.004 0.004"/>'
-        body = f'<body name="link_{name}" pos="0.2 0 0">{joint}{mass}{body}</body>'
-    motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in JOINTS)
-    return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+MODEL = linked(JOINTS, "0 0 1", "0.2 0 0", 'mass="0.4" pos="0.1 0 0" diaginertia="0.004 0.004 0.004"')
 
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
     """The question, and the account of what is missing at half of its sizes."""
     folder, rng = tmp_path_factory.mktemp("arm"), np.random.default_rng(8)
-    model = mujoco.MjModel.from_xml_string(_model())
+    model = mujoco.MjModel.from_xml_string(MODEL)
     model.dof_damping[:], model.dof_armature[:] = VISCOUS, ROTORS
     data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
     rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
@@ -50,7 +41,7 @@ def arm(tmp_path_factory):
     meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
     meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-3)}
     (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, _model())
+    written(folder, MODEL)
     recording, simulator = open_recording(Task(folder, None))
     question = prepare(recording, simulator, simulator.defaults(), Run())
     offers, account = offers_of(question), Hypothesis()

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-from mjcf_models import written
+from mjcf_models import linked, written
 
 from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, price
 from gpsim.diagnosis.run import Run
@@ -16,23 +16,14 @@ from gpsim.stages.diagnose import Task, open_recording
 
 JOINTS = ("one", "two", "three", "four")
 DT, SAMPLES, VISCOUS = 0.02, 200, 0.2
-
-
-def _model() -> str:
-    body = ""
-    for name in reversed(JOINTS):
-        joint = f'<joint name="{name}" axis="0 1 0" damping="0"/>'
-        mass = '<inertial mass="0.5" pos="0 0 -0.1" diaginertia="0.01 0.01 0.01"/>'
-        body = f'<body name="link_{name}" pos="0 0 -0.2">{joint}{mass}{body}</body>'
-    motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in JOINTS)
-    return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+MODEL = linked(JOINTS, "0 1 0", "0 0 -0.2", 'mass="0.5" pos="0 0 -0.1" diaginertia="0.01 0.01 0.01"')
 
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory):
     """A chain of four joints that rub alike; its question and offers."""
     folder, rng = tmp_path_factory.mktemp("chain"), np.random.default_rng(5)
-    model = mujoco.MjModel.from_xml_string(_model())
+    model = mujoco.MjModel.from_xml_string(MODEL)
     model.dof_damping[:] = VISCOUS
     data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
     rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
@@ -46,7 +37,7 @@ def chain(tmp_path_factory):
     meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
     meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-4)}
     (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, _model())
+    written(folder, MODEL)
     recording, simulator = open_recording(Task(folder, None))
     question = prepare(recording, simulator, simulator.defaults(), Run())
     return question.searched, offers_of(question)

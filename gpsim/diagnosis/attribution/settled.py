@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.attribution.attribution import SEED
 from gpsim.diagnosis.attribution.judges import rollout_judge
 from gpsim.diagnosis.fitting import (
     Candidate,
@@ -28,7 +29,6 @@ from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces
 
-SEED = 2040  # of the draws, of which none is looked at here
 UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor in every band may be as believed
 NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
 
