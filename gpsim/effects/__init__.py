@@ -35,6 +35,7 @@ from gpsim.effects.effect import (
 )
 from gpsim.effects.elapsed import even
 from gpsim.effects.elastic import twisted
+from gpsim.effects.families.stribeck_friction import RISE
 from gpsim.effects.forces import bend_key
 from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
@@ -58,6 +59,7 @@ __all__ = [
     "PLACE",
     "PRE_ROLL",
     "RETURNS",
+    "RISE",
     "TO",
     "ActuatorEffect",
     "Axis",

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
+from gpsim.effects import RISE, ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.commanding import Motor, motors_of
 from gpsim.mjcf.native import FORCE, Fields, native_of
@@ -114,7 +114,7 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
         isinstance(effect, ForceEffect)
         and effect.dry
         and term.family in GRIPS
-        and term.variant in ("", "friction")
+        and term.variant in ("", "friction", RISE)
     ):
         told["laws"].append(
             {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}

@@ -246,8 +246,9 @@ def _grip(speed: float, v: dict[str, float]) -> float:
     """Dry friction: measured, or of its own size, larger the slower the joint moves where there is a static one."""
     if "y0" in v:
         return _curve(speed, v)
-    more = max(v.get("static_force", 0.0) - v["force"], 0.0)
-    return v["force"] + (more * math.exp(-((speed / v["stribeck_velocity"]) ** 2)) if more else 0.0)
+    slides = v.get("force", 0.0)
+    more = v["rise"] if "rise" in v else max(v.get("static_force", 0.0) - slides, 0.0)
+    return slides + (more * math.exp(-((speed / v["stribeck_velocity"]) ** 2)) if more else 0.0)
 
 
 def _curve(x: float, v: dict[str, float]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -27,6 +28,7 @@ from gpsim.simulators import Integrator, Parameters, Simulator
 
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
+AFLOAT = 3  # joints without a motor between the world and a body that floats, in a plane
 TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
 
 
@@ -234,6 +236,17 @@ class MjcfSimulator(Simulator):
             touched = [pool.simulations.bind(name)[: len(acc)].reshape(-1) for name in ("ncon", "nl")]
             found.append(np.add(*touched) > 0)
         return np.concatenate(found) if found else np.empty(0, dtype=np.bool_)
+
+    @property
+    def floating(self) -> frozenset[str]:
+        """Those of a body that three or more joints without a motor tie to the world, as one that moves in a plane."""
+        model, driven = self._body.model, set(self.drives.values())
+        free: dict[int, list[str]] = defaultdict(list)
+        for coordinate, joint in zip(self.coordinates, model.dof_jntid[self._dofs], strict=True):
+            body = int(model.jnt_bodyid[joint])
+            if model.body_parentid[body] == 0 and coordinate.name not in driven:
+                free[body].append(coordinate.name)
+        return frozenset(n for names in free.values() if len(names) >= AFLOAT for n in names)
 
     def untouched(self, state: FloatArray) -> frozenset[str]:
         """Friction and stiffness of what nothing stands on in any of these states (B, S)."""

@@ -165,6 +165,11 @@ class Simulator(ABC):
         """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
         return None
 
+    @property
+    def floating(self) -> frozenset[str]:
+        """Coordinates that say where a body is that nothing holds: no joint is there that could rub."""
+        return frozenset()
+
     def untouched(self, state: FloatArray) -> frozenset[str]:
         """Parameters of contacts that none of these states (B, S) makes; none of a simulator that knows none."""
         return frozenset()

@@ -8,10 +8,13 @@ import pytest
 import yaml
 from mjcf_models import linked, written
 
-from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, price
+from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, is_row, price
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import Rule, accepts
-from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.diagnosis.setup import candidates, offers_of, prepare
+from gpsim.effects import effect_of
+from gpsim.mjcf import load_mjcf
+from gpsim.recordings import Episode, Recording
 from gpsim.stages.diagnose import Task, open_recording
 
 JOINTS = ("one", "two", "three", "four")
@@ -69,3 +72,19 @@ def test_the_last_joints_friction_costs_little_and_stays_where_it_gains_anything
     found = accepts(problem, fits[3], fits[2])
     assert (found.ok, found.rule) == (True, Rule.EVERY_JOINT)
     assert accepts(problem, fits[1], fits[0]).rule is not Rule.EVERY_JOINT
+
+
+FLOATING = """<mujoco><worldbody><body name="trunk"><joint name="x" type="slide" axis="1 0 0"/>
+<joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/><geom size="0.1" mass="1"/>
+<body name="leg"><joint name="hip" axis="0 1 0"/><geom size="0.05" pos="0 0 -0.3" mass="0.2"/></body></body></worldbody>
+<actuator><motor joint="hip"/></actuator></mujoco>"""
+
+
+def test_nothing_rubs_where_a_body_floats(tmp_path):
+    simulator = load_mjcf(written(tmp_path, FLOATING))
+    assert simulator.floating == {"x", "z", "pitch"}
+    states = np.random.default_rng(1).normal(size=(50, 8))
+    episode = Episode("one", 0.02 * np.arange(50), states, np.zeros((49, 1)))
+    recording = Recording(simulator.name, simulator.state, simulator.action, (episode,), 0.02)
+    offers = candidates(recording, simulator, simulator.defaults())
+    assert {c.place.on for c in offers if is_row(effect_of(c.family))} == {"hip"}

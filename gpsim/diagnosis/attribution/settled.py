@@ -7,6 +7,7 @@ windows of the fit, and tell them apart.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -27,9 +28,9 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces
+from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces, is_law
 
-UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor in every band may be as believed
+UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor may be as believed
 NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
 
 
@@ -59,13 +60,21 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
 
 
 def _said(question: Question, account: Hypothesis, offers: Sequence[Candidate]) -> list[Sizes]:
-    """What forces say of an account without the bodies and motors that they are not sure of, band by band.
+    """What forces say of an account, with and without the laws that are no rows: those take from their joint's rows.
 
     Where torques are noisy, windows ask for more than there is.
     """
+    laws = {i for i, term in enumerate(account.terms) if is_law(term) and not is_row(term.effect)}
+    accounts = [account, account.without_all(laws)] if laws else [account]
+    return [sizes for one in accounts for sizes in _sure(question, one, offers)]
+
+
+def _sure(question: Question, account: Hypothesis, offers: Sequence[Candidate]) -> list[Sizes]:
+    """What forces say of an account without the bodies and motors that most bands are not sure of, band by band."""
     while True:
         said = by_forces(question.everything, question.recording, account, offers)
-        unsure = set.intersection(*(_unsure(sizes) for sizes in said)) if said else set[int]()
+        doubts = Counter(i for sizes in said for i in _unsure(sizes))
+        unsure = {i for i, bands in doubts.items() if 2 * bands > len(said)}
         if not unsure:
             return said
         account = account.without_all(unsure)

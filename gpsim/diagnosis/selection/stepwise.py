@@ -59,7 +59,7 @@ from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import Effect, LooksAt, closed, effect_of
+from gpsim.effects import RISE, Effect, LooksAt, closed, effect_of
 
 AGAIN_BUDGET = 4e7
 """Effort of searching on without a term that support took out, each time [simulated rows] (by hand, for a minute of
@@ -164,7 +164,8 @@ def _all_substitutes(
     count = len(leader.hypothesis.terms)
     asked = range(count) if closed(problem.simulator) is None else doubtful(problem, leader)
     if whole_robot(problem, leader.hypothesis):  # what every joint has stands for nothing else
-        asked = [i for i in asked if not is_row(leader.hypothesis.terms[i].effect)]
+        terms = leader.hypothesis.terms
+        asked = [i for i in asked if not is_row(terms[i].effect) and terms[i].variant != RISE]
         offers = [c for c in offers if not is_row(effect_of(c.family))]
     calls = [(problem, leader, i, _alike(problem, leader, i, offers), twins) for i in asked]
     return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]

@@ -4,7 +4,7 @@ from gpsim.diagnosis.setup.alike import Alike, alike
 from gpsim.diagnosis.setup.by_forces import Sizes, by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import LATE, by_inverse_dynamics, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import LATE, by_inverse_dynamics, is_law, is_structure, rise_of
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -31,6 +31,7 @@ __all__ = [
     "completed",
     "filters",
     "flagged",
+    "is_law",
     "is_structure",
     "look",
     "look_at",
@@ -38,6 +39,7 @@ __all__ = [
     "not_asked",
     "offers_of",
     "prepare",
+    "rise_of",
     "settled_question",
     "smoothed",
     "spread_out",

@@ -16,9 +16,17 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
 from gpsim.diagnosis.setup.force_parts import Offer, Part, Sized, least_squares, split
-from gpsim.diagnosis.setup.inverse_dynamics import CUTOFFS, LATE, Forces, Regression, is_law, is_structure
+from gpsim.diagnosis.setup.inverse_dynamics import (
+    CUTOFFS,
+    LATE,
+    Forces,
+    Regression,
+    is_law,
+    is_structure,
+    rise_of,
+)
 from gpsim.diagnosis.setup.low_passed import low_passed
-from gpsim.effects import Term, closed
+from gpsim.effects import RISE, Term, closed
 from gpsim.recordings import Recording
 
 ROWS_A_PARAMETER = 4  # at least, below which the scatter of blocks says nothing
@@ -75,11 +83,13 @@ def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
     rows, bodies, laws, late = [], {}, [], []
     for i, (term, declared) in enumerate(zip(account.terms, account.declared, strict=True)):
         candidate = next((c for c in offers if c.identity == term.identity), None)
+        if candidate is not None and term.variant:
+            candidate = rise_of(candidate)
         if term.gate or term.owners or candidate is None or len(declared) != len(term.values):
             return None
         if term.family == LATE:
             late.append((i, candidate))
-        elif is_structure(candidate):
+        elif is_structure(candidate) or term.variant == RISE:
             bodies[i] = Offer(candidate, term.also)
         elif is_row(term.effect) and len(declared) == 1:
             rows.append(i)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gpsim.diagnosis.fitting import Candidate
+from gpsim.diagnosis.fitting import Candidate, is_row
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.not_asked import shows
@@ -25,14 +25,15 @@ def candidates(
 ) -> list[Candidate]:
     """All terms that may be missing, in the catalogue's order; by the default settings where none are given.
 
-    Of the ground only what something touches in the recording is asked.
+    Of the ground only what something touches in the recording is asked; of what says where a body floats neither
+    friction nor a rotor.
     """
     untouched = simulator.untouched(np.concatenate([e.states for e in recording.episodes]))
     sizes = Sizes(recording, simulator, parameters, settings or CandidateSettings())
     out = []
     for effect in FAMILIES.values():
         for on in effect.places(simulator):
-            if on in untouched:
+            if on in untouched or (on in simulator.floating and is_row(effect)):
                 continue
             place = sizes.place(effect, on)
             out += [

@@ -31,15 +31,16 @@ from gpsim.diagnosis.setup.force_parts import (
     split,
 )
 from gpsim.diagnosis.setup.low_passed import USUAL, LowPassed, low_passed
-from gpsim.effects import Effect, ForceEffect, Term, closed
+from gpsim.effects import RISE, Effect, ForceEffect, Term, closed, declared, effect_of
 from gpsim.recordings import Recording
 
 CUTOFFS = {0.5: (0.15, 0.06), 0.2: (0.06, 0.025), 0.06: (0.012,)}
 """Of the Nyquist frequency, below which motion is kept, and forces are compared: what simulates best is taken. Fast
 motion asks for a wide band, coarse encoders for a narrow one, late commands and friction for slow forces."""
-LATE = "actuator_delay"
+LATE, STRIBECK = "actuator_delay", "stribeck_friction"
 LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
 LATER = 0.1  # samples, by which commands come later where that is asked
+SLOWER = (0.05, 0.1, 0.2, 0.4, 0.8)  # of a joint's usual speed, below which its dry friction may grow
 TURNS = 0.01  # of a joint's usual speed, within which dry friction is taken to turn round
 ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
 MOST = 6  # bodies and motors that are off at once, at most
@@ -58,6 +59,14 @@ def is_structure(candidate: Candidate) -> bool:
     return family in ("payload", GAIN, HELD) or (family == "parameter_offset" and on.endswith((MASS, STIFF)))
 
 
+def rise_of(candidate: Candidate) -> Candidate | None:
+    """By how much a joint's dry friction grows as it slows, where its Stribeck friction may be asked."""
+    if candidate.family != STRIBECK or candidate.variant:
+        return None
+    place = candidate.place
+    return replace(candidate, variant=RISE, declared=declared(effect_of(STRIBECK), place, RISE))
+
+
 def is_law(term: Term) -> bool:
     """Whether it is a force by position and speed, everywhere: what it does along a motion is known without a row."""
     effect, one = term.effect, np.zeros(1)
@@ -73,11 +82,13 @@ def by_inverse_dynamics(
     rows: Hypothesis,
     others: Sequence[Candidate] = (),
     delays: Sequence[Candidate] = (),
+    rises: Sequence[Candidate] = (),
 ) -> Hypothesis | None:
     """Rows (see `is_row`) sized by the forces that the base lacks, with late commands and what else is surely off.
 
-    others: bodies and motors that may be off (see `is_structure`). None where motion does not tell (a body that floats,
-    episodes that are too short), or where all that is further off in simulation than the rows as they are.
+    others: bodies and motors that may be off (see `is_structure`). rises: of dry friction (see `rise_of`). None where
+    motion does not tell (a body that floats, episodes that are too short), or where all that is further off in
+    simulation than the rows as they are.
     """
     simulator = problem.simulator
     sized = all(is_row(t.effect) and len(t.values) == 1 for t in rows.terms)
@@ -89,7 +100,7 @@ def by_inverse_dynamics(
         if motion is not None:
             forces = Forces(problem, recording.dt, motion, rows)
             for below in narrow:
-                found += Regression(forces, below, tuple(delays)).found(others)
+                found += Regression(forces, below, tuple(delays)).found(others, rises)
     left = [problem.residuals(h, h.theta[None], starts)[0] for h in found]
     near = [int(i) for i in np.argsort([objective(problem, one) for one in left])[:CLOSEST]]
     best = _likeliest(problem, found, left, near)
@@ -131,9 +142,18 @@ class Forces:
         acceleration = self.motion.acceleration
         out = np.zeros((*acceleration.shape, len(self.rows.terms)))
         for i, (term, parameter) in enumerate(zip(self.rows.terms, self.rows.parameters, strict=True)):
-            joint = self._joint(term)
+            joint = self.joint(term.on)
             moved = (*self._path(joint), acceleration[:, joint])
             out[:, joint, i] = _of_unit_size(term.effect, parameter.name, *moved)
+        return out
+
+    def of_rise(self, offer: Offer, about: tuple[float, ...]) -> FloatArray:
+        """(N, C, 2): what friction adds that grows by 1 as the joint slows, and that times a change of the speed."""
+        joint = self.joint(offer.candidate.place.on)
+        speed, slow = self._path(joint)[1], about[1]
+        out = np.zeros((*self.motion.acceleration.shape, 2))
+        fall = -np.exp(-((speed / slow) ** 2)) * _way(speed)
+        out[:, joint, 0], out[:, joint, 1] = fall, fall * 2.0 * speed**2 / slow**3
         return out
 
     def of_gain(self, offer: Offer, late: float) -> FloatArray:
@@ -183,15 +203,16 @@ class Forces:
         out = np.zeros_like(self.motion.acceleration)
         for term in self.held:
             values = {name: np.full(len(out), value) for name, value in term.values.items()}
-            joint, force = self._joint(term), None
+            joint, force = self.joint(term.on), None
             if isinstance(term.effect, ForceEffect):
                 force = term.effect.force(*self._path(joint), values)
             assert force is not None  # see `is_law`
             out[:, joint] += force
         return out
 
-    def _joint(self, term: Term) -> int:
-        return [c.name for c in self.problem.simulator.coordinates].index(term.on)
+    def joint(self, on: str) -> int:
+        """Its place among the coordinates."""
+        return [c.name for c in self.problem.simulator.coordinates].index(on)
 
     def _path(self, joint: int) -> tuple[FloatArray, FloatArray]:
         """(N,) its position and speed."""
@@ -208,19 +229,61 @@ class Regression:
     narrow: float
     delays: tuple[Candidate, ...]
 
-    def found(self, others: Sequence[Candidate]) -> list[Hypothesis]:
+    def found(self, others: Sequence[Candidate], rises: Sequence[Candidate] = ()) -> list[Hypothesis]:
         """Rows and late commands, and with what else is off where something is; nothing where too little moved."""
         rows = self.rows_part()
         if rows.columns.shape[1] < 2 * len(rows.usual):
             return []
         late, parts = self.again(self._late([rows]), [rows])
         out = [self._hypothesis(*self.fitted(late, parts))]
-        left = [self.part(o, tuple(p.starts[0] for p in o.declared), late) for o in offered(others)]
-        while left and len(parts) <= MOST and (more := self._one_more(late, parts, left)):
+        late, parts = self._with_more(late, parts, others)
+        out += [self._hypothesis(*self.fitted(late, parts))] if len(parts) > 1 else []
+        if slowing := self._rising(late, parts, rises):
+            late, parts = self._with_more(*self.again(late, [*parts, *slowing]), others)
+            out.append(self._hypothesis(*self.fitted(late, parts)))
+        return out
+
+    def _with_more(
+        self, late: float, parts: list[Part], others: Sequence[Candidate]
+    ) -> tuple[float, list[Part]]:
+        """With every body and motor that is surely off, until there are `MOST` of them."""
+        taken = {place for p in parts if p.offer for place in p.offer.places}
+        left = [
+            self.part(o, tuple(p.starts[0] for p in o.declared), late)
+            for o in offered(others)
+            if not o.places & taken
+        ]
+        most = MOST + sum(p.offer is not None and p.offer.family == STRIBECK for p in parts)
+        while left and len(parts) <= most and (more := self._one_more(late, parts, left)):
             assert more.offer is not None
             left = [p for p in left if p.offer and not p.offer.places & more.offer.places]
             late, parts = self.again(self._late([*parts, more]), [*parts, more])
-        return [*out, self._hypothesis(*self.fitted(late, parts))] if len(parts) > 1 else out
+        return late, parts
+
+    def _rising(self, late: float, parts: Sequence[Part], rises: Sequence[Candidate]) -> list[Part]:
+        """Of joints whose dry friction surely grows as they slow, by how much; none where they are no more than half.
+
+        Joints are alike: of one alone something else is likelier.
+        """
+        lacks = self.lacks(late)
+        (rows, _), *others = split(*self.fitted(late, parts)[:2])
+        for part, sizes in others:
+            lacks = lacks - np.tensordot(sizes, part.columns, 1)
+        found = [self._rise(candidate, lacks, rows) for candidate in rises]
+        kept = [part for part in found if part]
+        return kept if 2 * len(kept) > lacks.shape[1] else []
+
+    def _rise(self, candidate: Candidate, lacks: FloatArray, rows: Part) -> Part | None:
+        """How a joint's dry friction grows as it slows, about the likeliest speed, where that is sure."""
+        joint = [self.forces.joint(candidate.place.on)]
+        alone, own = lacks[:, joint], _at(rows, joint)
+        enough, found = least_squares(alone, [own]).evidence + ENOUGH, None
+        for share in SLOWER:
+            part = self.part(Offer(candidate), (1.0, share * candidate.place.speed), 0.0)
+            fit = least_squares(alone, [own, _first(_at(part, joint))])
+            if fit.evidence > enough and fit.sizes[-1] > 0.0:
+                enough, found = fit.evidence, part
+        return found
 
     def again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
@@ -288,6 +351,12 @@ class Regression:
                 return Part(offer, change, -TWICE * off, TWICE * off, off, gain=True)
             low, high = (np.array([edge]) for edge in FACTOR)
             return Part(offer, change, low, high, np.array([UNKNOWN]), gain=True)
+        if offer.family == STRIBECK:
+            usual = np.array([declared[0].scale, declared[0].scale * declared[1].scale])
+            low, high = np.array([0.0, -np.inf]), np.array([declared[0].high, np.inf])
+            return Part(
+                offer, self._columns(self.forces.of_rise(offer, about)), low, high, usual, np.array(about[1:])
+            )
         change, off = self._columns(self.forces.of_body(offer, about)), np.array([OFF])
         if offer.family == HELD:
             low, high = np.array([declared[0].low]), np.array([declared[0].high])
@@ -339,5 +408,21 @@ def _of_unit_size(
         return force
     grip = effect.grip(position, speed, size, None)
     assert grip is not None  # friction's size, not a part of its load
+    return -grip * _way(speed)
+
+
+def _way(speed: FloatArray) -> FloatArray:
+    """(N,) which way it goes, -1 to 1."""
     turns = TURNS * max(float(np.quantile(np.abs(speed), USUAL)), np.finfo(float).tiny)
-    return -grip * np.tanh(speed / turns)
+    return np.asarray(np.tanh(speed / turns))
+
+
+def _first(part: Part) -> Part:
+    """What the first of its values changes."""
+    columns, low, high, usual = part.columns[:1], part.low[:1], part.high[:1], part.usual[:1]
+    return replace(part, columns=columns, low=low, high=high, usual=usual)
+
+
+def _at(part: Part, joints: Sequence[int]) -> Part:
+    """What it changes at some joints."""
+    return replace(part, columns=part.columns[..., joints])

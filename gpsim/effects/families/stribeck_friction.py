@@ -1,6 +1,7 @@
 """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q'), holding a body at rest up to Fs.
 
-Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), equation (6).
+Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), equation (6). At a robot's joint, whose sliding
+friction Fc is an effect of its own, `rise` is Fs - Fc.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
 from gpsim.effects.place import EffectParameter, Place, Plausible
 
+RISE = "rise"
+"""The variant that is by how much friction grows as the speed falls, beside what slides."""
+
 
 class StribeckFriction(ForceEffect):
     """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q')."""
@@ -25,6 +29,7 @@ class StribeckFriction(ForceEffect):
     )
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Stribeck friction"
+    variants: ClassVar[tuple[str, ...]] = ("", RISE)
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
         "static_force": Plausible(
@@ -33,15 +38,20 @@ class StribeckFriction(ForceEffect):
             "size",
             "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)",
         ),
+        "rise": Plausible(0.0, 3.0, "size", "at rest at most twice the sliding force (the same)"),
         "stribeck_velocity": Plausible(
             0.0, 0.5, "speed", "lubricated steel: some mm/s, a small part of the usual speed (the same)"
         ),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""
-        span, speed = place.span, place.speed
-        unit = f"{place.position_unit}/s"
+        """Force (sliding), static_force or rise [the coordinate's], and stribeck_velocity [speed]."""
+        span, speed, unit = place.span, place.speed, f"{place.position_unit}/s"
+        if variant == RISE:  # what grows at lower speeds still nobody sees: bodies stick there
+            return (
+                EffectParameter(RISE, place.unit, 0.0, 20 * span, (0.1 * span,), 0.1 * span),
+                EffectParameter("stribeck_velocity", unit, 0.05 * speed, speed, (0.1 * speed,), 0.2 * speed),
+            )
         return (
             EffectParameter("force", place.unit, 0.0, 20 * span, (0.15 * span,), 0.2 * span),
             EffectParameter("static_force", place.unit, 0.0, 20 * span, (0.4 * span,), 0.2 * span),
@@ -55,8 +65,12 @@ class StribeckFriction(ForceEffect):
     ) -> FloatArray | None:
         """The sliding force, which grows to the static one, where that is larger, as the speed falls."""
         fall = np.exp(-((speed / values["stribeck_velocity"]) ** 2))
+        if RISE in values:
+            return np.asarray(values[RISE] * fall)
         return np.asarray(values["force"] + np.maximum(values["static_force"] - values["force"], 0.0) * fall)
 
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Coulomb friction; in a region of its own coordinate that is a patch."""
+        """Coulomb friction; in a region of its own coordinate that is a patch. Of the rise alone none."""
+        if RISE in values:
+            return {}
         return {"coulomb_friction": (values["force"],), "local_friction_patch": (values["force"],)}
