@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
-from gpsim.diagnosis.attribution import Attribution, attribute, supported, with_values_of_forces
+from gpsim.diagnosis.attribution import Attribution, attribute, left_to_ask, supported, with_values_of_forces
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.judgement import (
     Judgement,
@@ -104,7 +104,8 @@ def diagnose(
     contenders = refit(question, found)
     step("stepwise", 40)
     contenders = told_apart(question, contenders, offers)
-    contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
+    asked = left_to_ask(question, contenders.leader, offers)
+    contenders = stepwise(question, contenders, asked, step.by_budget(40, 90))
     step("differences", 90)
     contenders = told_apart_to_the_end(question, contenders, offers, step.by_budget(90, 90))
     step("prune on held-out", 90, "asking held-out windows")

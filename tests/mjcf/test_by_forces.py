@@ -8,7 +8,7 @@ import pytest
 import yaml
 from mjcf_models import linked, written
 
-from gpsim.diagnosis.attribution import with_values_of_forces
+from gpsim.diagnosis.attribution import left_to_ask, with_values_of_forces
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import null_of
@@ -91,6 +91,20 @@ def test_a_body_of_which_they_are_not_sure_goes_with_that(arm):
     found = with_values_of_forces(question, leader, null_of(problem, account.scheme), offers)
     assert leader.hypothesis.claims - found.hypothesis.claims == {("parameter_offset", "link_two.mass")}
     assert len(found.covariance) == len(found.hypothesis.theta)
+    asked = {c.family for c in left_to_ask(question, leader, offers)}
+    assert "quadratic_drag" in asked
+    assert not asked & {"payload", "actuator_gain"}
+
+
+def test_a_law_that_windows_alone_ask_for_goes(arm):
+    question, offers, account = arm
+    problem = question.everything
+    for on in JOINTS:
+        account = _with(account, offers, "constant_force", on, 0.01)
+    dragged = _with(account, offers, "quadratic_drag", "two", 0.1)
+    leader = fit(problem, dragged, problem.windows.measured[:, 0], iterations=8)
+    found = with_values_of_forces(question, leader, null_of(problem, account.scheme), offers)
+    assert leader.hypothesis.claims - found.hypothesis.claims == {("quadratic_drag", "two")}
 
 
 def test_what_forces_do_not_say_stays(arm):

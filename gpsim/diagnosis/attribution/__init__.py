@@ -4,7 +4,7 @@ from gpsim.diagnosis.attribution.attribution import SEED, Attribution, attribute
 from gpsim.diagnosis.attribution.judges import Judge, RolloutJudge, judge_at
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.attribution.rollout_windows import rollouts_in
-from gpsim.diagnosis.attribution.settled import with_values_of_forces
+from gpsim.diagnosis.attribution.settled import left_to_ask, with_values_of_forces
 from gpsim.diagnosis.attribution.shares import draws
 from gpsim.diagnosis.attribution.support import supported
 
@@ -18,6 +18,7 @@ __all__ = [
     "explained_by",
     "fits_without",
     "judge_at",
+    "left_to_ask",
     "rollouts_in",
     "supported",
     "with_values_of_forces",

@@ -26,12 +26,26 @@ from gpsim.diagnosis.fitting import (
     fit,
     is_row,
 )
-from gpsim.diagnosis.selection import whole_robot
+from gpsim.diagnosis.selection import null_of, whole_robot
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces, is_law
+from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces, is_law, is_structure
 
 UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor may be as believed
 NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
+
+
+def left_to_ask(question: Question, leader: Fit, offers: Sequence[Candidate]) -> Sequence[Candidate]:
+    """What a search may ask of a robot's account beside it: no bodies and motors where forces simulate further.
+
+    There the fit follows the noise of torques, and would have bodies and motors for it that are as believed; which are
+    off forces have said.
+    """
+    if not whole_robot(question.everything, leader.hypothesis):
+        return offers
+    null = null_of(question.everything, leader.hypothesis.scheme)
+    if with_values_of_forces(question, leader, null, offers) is leader:
+        return offers
+    return [c for c in offers if not is_structure(c)]
 
 
 def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Sequence[Candidate]) -> Fit:
@@ -46,7 +60,7 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
         return leader
     squares = judge.squares([[leader.hypothesis], *([sizes.account] for sizes in said)])
     fitted, *others = [_size(one, judge.mismatch.floor)[counts].mean() for one in squares]
-    best = int(np.argmin(others))
+    best = _best(np.array(others), [len(sizes.account.terms) for sizes in said])
     names, taken = said[best].account.names, bool(others[best] < fitted - NEARER)
     problem.run.trace.note(
         names, leader.hypothesis.names, taken, "sizes by forces", gain=float(fitted - others[best])
@@ -57,6 +71,12 @@ def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Se
     found = fit(problem, account.frozen(), leader.starts, iterations=schedules.SETTLE)
     found = replace(found, hypothesis=account)
     return replace(found, covariance=_covariance(problem, found, said[best].covariance))
+
+
+def _best(off: FloatArray, terms: Sequence[int]) -> int:
+    """The nearest, or one of fewer terms that is hardly further off."""
+    near = [i for i in np.argsort(off) if off[i] < off.min() + NEARER]
+    return int(min(near, key=lambda i: terms[i]))
 
 
 def _said(question: Question, account: Hypothesis, offers: Sequence[Candidate]) -> list[Sizes]:
