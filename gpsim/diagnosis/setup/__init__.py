@@ -1,10 +1,11 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.alike import Alike, alike
+from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rise_of
 from gpsim.diagnosis.setup.by_forces import Sizes, by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import LATE, by_inverse_dynamics, is_law, is_structure, rise_of
+from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked

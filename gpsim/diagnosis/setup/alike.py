@@ -14,9 +14,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
+from gpsim.diagnosis.setup.asked import LATE, is_structure
 from gpsim.diagnosis.setup.force_parts import HELD, Offer, Part, least_squares
-from gpsim.diagnosis.setup.inverse_dynamics import LATE, Forces, Regression, is_structure
+from gpsim.diagnosis.setup.forces import Forces
 from gpsim.diagnosis.setup.low_passed import low_passed
+from gpsim.diagnosis.setup.regression import Regression
 from gpsim.effects import Term, closed
 from gpsim.recordings import Recording
 

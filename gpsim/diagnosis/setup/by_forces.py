@@ -15,17 +15,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
+from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rise_of
 from gpsim.diagnosis.setup.force_parts import Offer, Part, Sized, least_squares, split
-from gpsim.diagnosis.setup.inverse_dynamics import (
-    CUTOFFS,
-    LATE,
-    Forces,
-    Regression,
-    is_law,
-    is_structure,
-    rise_of,
-)
+from gpsim.diagnosis.setup.forces import Forces
+from gpsim.diagnosis.setup.inverse_dynamics import CUTOFFS
 from gpsim.diagnosis.setup.low_passed import low_passed
+from gpsim.diagnosis.setup.regression import Regression
 from gpsim.effects import RISE, Term, closed
 from gpsim.recordings import Recording
 
