@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
-from gpsim.diagnosis.attribution import Attribution, attribute, left_to_ask, supported, with_values_of_forces
+from gpsim.diagnosis.attribution import Attribution, attribute, forces_lead, supported, with_values_of_forces
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.judgement import (
     Judgement,
@@ -46,7 +46,7 @@ from gpsim.diagnosis.selection import (
     without_outside_acts,
     without_tails,
 )
-from gpsim.diagnosis.setup import Question, offers_of, prepare
+from gpsim.diagnosis.setup import Question, is_structure, offers_of, prepare
 from gpsim.effects import Scheme, closed
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -104,8 +104,9 @@ def diagnose(
     contenders = refit(question, found)
     step("stepwise", 40)
     contenders = told_apart(question, contenders, offers)
-    asked = left_to_ask(question, contenders.leader, offers)
-    contenders = stepwise(question, contenders, asked, step.by_budget(40, 90))
+    led = forces_lead(question, contenders.leader, offers)  # they have said which bodies and motors are off
+    asked = [c for c in offers if not (led and is_structure(c))]
+    contenders = stepwise(question, contenders, asked, step.by_budget(40, 90), replacing=not led)
     step("differences", 90)
     contenders = told_apart_to_the_end(question, contenders, offers, step.by_budget(90, 90))
     step("prune on held-out", 90, "asking held-out windows")

@@ -12,11 +12,12 @@ SUBSTEP_OVERHEAD = 300.0
 COST_PER_ROW = 0.8  # rows that one counts as, whatever its channels (timings of one core, roughly)
 COST_PER_CHANNEL = 0.3  # more for each of its channels [rows] (timings of one core, roughly)
 MOST_CHANNELS = 4
-"""Channels that are counted (laws of larger systems take more; beyond these nobody has measured)."""
+"""Channels that are counted, but of a simulator that owns its integration (laws of larger systems take more; beyond
+these nobody has measured)."""
 DRY_FRICTION_FACTOR = 2.5  # times as much where dry friction acts (timings of one core, roughly)
 CLOSED_STEP_FACTOR = 4.0
-"""Times as much where the simulator owns its integration (by hand: such a row takes ten to forty times as long, and a
-robot may take some minutes)."""
+"""Times as much where the simulator owns its integration (by hand: such a row takes ten to forty times as long, of an
+arm of seven joints seventy, and a robot may take some minutes)."""
 COST_PER_ACTUATOR = 0.45
 """Of a row for each actuator that its command passes (timings of one core, roughly)."""
 COST_PER_SENSOR = 0.3  # of a row for each sensor that remembers (timings of one core, roughly)
@@ -30,7 +31,8 @@ class Budget:
 
     def spend(self, rows: int, substeps: int, *, channels: int, dry: bool, owned: bool) -> None:
         """Count `substeps` substeps of `rows` states each, of so many channels; owned: the simulator makes them."""
-        size = COST_PER_ROW + COST_PER_CHANNEL * min(channels, MOST_CHANNELS)
+        counted = channels if owned else min(channels, MOST_CHANNELS)
+        size = COST_PER_ROW + COST_PER_CHANNEL * counted
         size *= CLOSED_STEP_FACTOR if owned else DRY_FRICTION_FACTOR if dry else 1.0
         self.add(substeps * (SUBSTEP_OVERHEAD + rows) * size)
 

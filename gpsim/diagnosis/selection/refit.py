@@ -21,6 +21,7 @@ from gpsim.diagnosis.fitting import (
     gain,
     scores,
 )
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, simplest, whole_robot
@@ -67,6 +68,7 @@ def _without_idlers(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     return [f for f in found if not any(f.hypothesis.says_the_same_as(h) for h in known)]
 
 
+@kept
 def null_of(problem: Problem, scheme: Scheme) -> Fit:
     """The base simulator alone, integrated by a scheme."""
     steps = schedules.REFIT

@@ -90,12 +90,13 @@ def stepwise(
     offers: Sequence[Candidate],
     tell: Callable[[str], None],
     gates: bool = True,
+    replacing: bool = True,
 ) -> Contenders:
     """The leader with terms added, gated, substituted and eliminated as long as that pays, and all that was tried.
 
-    gates: whether also regions and onsets are looked for.
+    gates: whether also regions and onsets are looked for; replacing: whether something else may stand for a term.
     """
-    leader, tried = improved(question.everything, contenders.leader, offers, tell, gates)
+    leader, tried = improved(question.everything, contenders.leader, offers, tell, gates, replacing)
     return replace(contenders, leader=leader, tried=[*contenders.tried, *tried])
 
 
@@ -105,6 +106,7 @@ def improved(
     offers: Sequence[Candidate],
     tell: Callable[[str], None],
     gates: bool = True,
+    replacing: bool = True,
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     settings = problem.run.settings.stepwise
@@ -125,7 +127,7 @@ def improved(
         best = simplest(problem, [leader, *again])
         leader = _finished(problem, best) if _advances(problem, best, leader) else leader
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
-        others = _all_substitutes(problem, leader, offers, enough)
+        others = _all_substitutes(problem, leader, offers, enough) if replacing else []
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
@@ -136,8 +138,9 @@ def improved(
         if _advances(problem, best, leader):
             leader = _finished(problem, best if any(best is f for f in leaned) else lean(problem, best))
             if problem.run.budget.spent > most:
-                leader, twins = _among_twins(problem, leader, offers)
-                tried += twins
+                if not whole_robot(problem, leader.hypothesis):  # whose twins are told by forces
+                    leader, twins = _among_twins(problem, leader, offers)
+                    tried += twins
                 break
             continue
         if not gates or whole_robot(problem, leader.hypothesis):

@@ -26,6 +26,7 @@ from gpsim.recordings import Recording
 
 ROWS_A_PARAMETER = 4  # at least, below which the scatter of blocks says nothing
 BLOCKS = 8  # of rows in their order, each of which is left out once
+OF_MEDIAN = 1.48  # times a median deviation is the standard one, of normal numbers
 AGAIN = 2  # times bodies are linearised where they were found
 
 
@@ -99,15 +100,15 @@ def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
 
 
 def _widened(found: Sequence[Sizes]) -> list[Sizes]:
-    """Uncertain by as much as bands differ: what an account leaves out does not act alike in all of them."""
+    """Uncertain by as much as bands usually differ: what an account leaves out does not act alike in all of them."""
     every = np.array([sizes.account.theta for sizes in found])
     out = []
-    for sizes in found:
-        apart = np.sqrt(((every - sizes.account.theta) ** 2).mean(axis=0))
+    for i, sizes in enumerate(found if len(found) > 1 else ()):
+        apart = OF_MEDIAN * np.median(np.abs(np.delete(every, i, axis=0) - sizes.account.theta), axis=0)
         own = np.sqrt(np.maximum(np.diag(sizes.covariance), np.finfo(float).tiny))
         ratio = np.maximum(apart / own, 1.0)
         out.append(replace(sizes, covariance=sizes.covariance * np.outer(ratio, ratio)))
-    return out
+    return out or list(found)
 
 
 def _sizes(regression: Regression, account: Hypothesis, asked: _Asked) -> Sizes | None:

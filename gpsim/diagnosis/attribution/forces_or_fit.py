@@ -28,24 +28,22 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection import null_of, whole_robot
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces, is_law, is_structure
+from gpsim.diagnosis.setup import LATE, Question, Sizes, by_forces, is_law
+from gpsim.effects import RISE
 
 UNSURE = 3.0  # standard errors from what is believed, within which a body or a motor may be as believed
 NEARER = 0.05  # by which channels must end nearer to the recording, in the mean of logarithms: else all stays
 
 
-def left_to_ask(question: Question, leader: Fit, offers: Sequence[Candidate]) -> Sequence[Candidate]:
-    """What a search may ask of a robot's account beside it: no bodies and motors where forces simulate further.
+def forces_lead(question: Question, leader: Fit, offers: Sequence[Candidate]) -> bool:
+    """Whether a robot simulates further with the sizes that forces say than with those of the fit to windows.
 
-    There the fit follows the noise of torques, and would have bodies and motors for it that are as believed; which are
-    off forces have said.
+    There the fit follows the noise of torques, and would have bodies and motors for it that are as believed.
     """
     if not whole_robot(question.everything, leader.hypothesis):
-        return offers
+        return False
     null = null_of(question.everything, leader.hypothesis.scheme)
-    if with_values_of_forces(question, leader, null, offers) is leader:
-        return offers
-    return [c for c in offers if not is_structure(c)]
+    return with_values_of_forces(question, leader, null, offers) is not leader
 
 
 def with_values_of_forces(question: Question, leader: Fit, null: Fit, offers: Sequence[Candidate]) -> Fit:
@@ -101,11 +99,12 @@ def _sure(question: Question, account: Hypothesis, offers: Sequence[Candidate]) 
 
 
 def _unsure(sizes: Sizes) -> set[int]:
-    """Which bodies and motors may be as they are believed."""
+    """Which bodies and motors may be as they are believed; how friction grows one band shows better than others."""
     deviation, at, unsure = np.sqrt(np.diag(sizes.covariance)), 0, set[int]()
     for i, (term, declared) in enumerate(zip(sizes.account.terms, sizes.account.declared, strict=True)):
         off = abs(term.values[declared[0].name] - declared[0].none)
-        if not is_row(term.effect) and term.family != LATE and off < UNSURE * deviation[at]:
+        stays = is_row(term.effect) or term.family == LATE or term.variant == RISE
+        if not stays and off < UNSURE * deviation[at]:
             unsure.add(i)
         at += len(declared)
     return unsure
