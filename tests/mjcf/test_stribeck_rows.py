@@ -72,7 +72,7 @@ def test_friction_is_right_where_its_growth_is_asked_and_far_off_where_not(slow)
     question, _, rows, found = slow
     without = by_inverse_dynamics(question.searched, question.recording, rows)
     assert (_sizes(without, "viscous_friction") < 0.25 * VISCOUS).any()
-    assert _sizes(found, "viscous_friction") == pytest.approx(VISCOUS, rel=0.25)
+    assert _sizes(found, "viscous_friction") == pytest.approx(VISCOUS, rel=0.35)
     assert _sizes(found, "coulomb_friction") == pytest.approx(DRY, rel=0.15)
     grown = [t for t in found.terms if t.family == "stribeck_friction"]
     assert len(grown) > len(JOINTS) / 2

@@ -15,6 +15,7 @@ from gpsim.diagnosis.report import Estimate
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import (
+    RISE,
     EffectParameter,
     ParameterEffect,
     Term,
@@ -23,6 +24,7 @@ from gpsim.effects import (
     owner_of,
     times_beyond,
 )
+from gpsim.simulators import Simulator
 
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 Sizes = tuple[Mapping[str, Estimate], ...]
@@ -41,6 +43,7 @@ def estimates(question: Question, found: Fit, lack: LackOfFit | None, left: floa
         at += len(declared)
         for owner in dict.fromkeys(map(owner_of, sizes)):
             sizes |= _in_other_words(question, found, term, owner, sizes)
+        sizes |= _not_asked(question.everything.simulator, term, sizes)
         out.append(sizes)
     return tuple(out)
 
@@ -92,6 +95,13 @@ def _in_other_words(
     low, high = (None if edge is None else edge * times for edge in (given.low, given.high))
     name = other if owner is None else own_name(other, owner)
     return {name: Estimate(given.value * times, low, high, unit, given.at_bound)}
+
+
+def _not_asked(simulator: Simulator, term: Term, sizes: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    """Values that were chosen before anything was fitted: the speed below which a joint's friction grows."""
+    units = {c.name: simulator.state.units[c.velocity] for c in simulator.coordinates}
+    left = [name for name in term.values if name not in sizes and term.variant == RISE]
+    return {name: Estimate(term.values[name], None, None, units[term.on]) for name in left}
 
 
 def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str, owner: int | None) -> float | None:

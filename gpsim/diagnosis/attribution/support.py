@@ -19,7 +19,7 @@ from gpsim.diagnosis.attribution.less import accounts_without, fit_without, with
 from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.roles import matters, sure_terms
 from gpsim.diagnosis.attribution.twins import unsure_twins
-from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit, is_row
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit, is_row, start_slopes
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import lean, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
@@ -224,8 +224,10 @@ def _half(
     """
     part = problem.on(problem.windows.take(rows))
     alone = _alone(leader.hypothesis, index)
-    found = fit(part, alone, leader.starts[rows], iterations=schedules.REFIT, near=True)
-    bare = fit(part, less.hypothesis.frozen(), less.starts[rows], iterations=schedules.SETTLE)
+    starts = leader.starts[rows]
+    slopes = start_slopes(part, leader.hypothesis, starts)
+    found = fit(part, alone, starts, iterations=schedules.REFIT, near=True, known=slopes)
+    bare = fit(part, less.hypothesis.frozen(), less.starts[rows], iterations=schedules.SETTLE, known=slopes)
     better = bare.objective - found.objective > len(alone.parameters)  # Akaike (1974)
     return found.hypothesis.theta, curvature(part, found).variance, bool(better)
 

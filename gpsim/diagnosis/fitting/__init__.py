@@ -26,8 +26,8 @@ from gpsim.diagnosis.fitting.evidence import (
 )
 from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.joint_rows import FREE_ROW, expected, is_row
-from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
+from gpsim.diagnosis.fitting.joint_rows import FEWEST_JOINTS, FREE_ROW, expected, is_row
+from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit, start_slopes
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, objective, window_costs
 from gpsim.diagnosis.fitting.quadratic import Quadratic, quadratic
@@ -36,6 +36,7 @@ from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, s
 from gpsim.diagnosis.fitting.simulate import simulate
 
 __all__ = [
+    "FEWEST_JOINTS",
     "FINER_GAIN",
     "FREE_ROW",
     "TOLERATED_NOISE",
@@ -84,6 +85,7 @@ __all__ = [
     "screened",
     "settled",
     "simulate",
+    "start_slopes",
     "starts_of",
     "state_jacobian",
     "stepped",

@@ -13,9 +13,10 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.descent import Descent
-from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
+from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected, state_jacobian
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
+from gpsim.effects import closed
 
 MOST_ITERATIONS = 25  # most steps of a fit that is made to its end
 TOLERANCE = 0.02  # a step that gains less ends such a fit [nats]
@@ -82,6 +83,14 @@ def fit(
     at = descent.at
     variance = variance_of(problem, at.residual)
     return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
+
+
+def start_slopes(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> FloatArray | None:
+    """Slopes of residuals by start states (W, L + 1, S, S), for all that differ in a term; None where that is cheap."""
+    if closed(problem.simulator) is None:
+        return None
+    residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+    return state_jacobian(problem, hypothesis, starts, residuals)
 
 
 def curvature(problem: Problem, fit: Fit) -> Curvature:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.attribution import Attribution
-from gpsim.diagnosis.fitting import is_row
+from gpsim.diagnosis.fitting import FEWEST_JOINTS, is_row
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import misses, surely_below
@@ -23,7 +23,8 @@ def claimed(
 ) -> Attribution:
     """The attribution in which an effect of whose size nothing is known is no claim: another could stand for it.
 
-    Nor is the friction of one joint, or its rotor, of whose size too little is known beside that of other joints.
+    Nor is the friction of one joint, or its rotor, of whose size too little is known beside that of other joints; of a
+    robot with several such joints nothing is.
     """
     terms = judgement.leader.hypothesis.terms
     known = [
@@ -33,8 +34,8 @@ def claimed(
     rows = Counter(t.family for t, told in zip(terms, known, strict=True) if told and is_row(t.effect))
 
     def nothing_known(i: int) -> bool:
-        of_one_joint = rows[terms[i].family] >= JOINTS and not known[i]
-        return of_one_joint or no_size(terms[i].family, sizes[i])
+        of_one_joint = rows[terms[i].family] >= JOINTS or max(rows.values(), default=0) >= FEWEST_JOINTS
+        return (of_one_joint and not known[i]) or no_size(terms[i].family, sizes[i])
 
     roles = tuple("slight" if nothing_known(i) else role for i, role in enumerate(attribution.roles))
     return replace(attribution, roles=roles)

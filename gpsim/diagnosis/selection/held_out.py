@@ -26,10 +26,10 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 
 @kept
-def held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    """The hypothesis as it is on windows whose start states alone are fitted."""
-    steps = schedules.SETTLE
-    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=steps)
+def held_out_fit(problem: Problem, hypothesis: Hypothesis, known: FloatArray | None = None) -> Fit:
+    """The hypothesis as it is on windows whose start states alone are fitted. known: see `fit`."""
+    starts = problem.windows.measured[:, 0]
+    return fit(problem, hypothesis.frozen(), starts, iterations=schedules.SETTLE, known=known)
 
 
 def contradicted(held_out: Problem, richer: Fit, poorer: Fit, won: float, pardoned: float) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import Fit, Problem, fit, gain
+from gpsim.diagnosis.fitting import Fit, Problem, fit, gain, start_slopes
 from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
 from gpsim.diagnosis.selection.elimination import without_a_term
 from gpsim.diagnosis.selection.held_out import contradicted, held_out_fit
@@ -57,8 +57,9 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
         return paying
     asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
     grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
-    calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
-    own, *others = problem.run.side_by_side(held_out_fit, [(held_out, leader.hypothesis), *calls])
+    slopes = start_slopes(held_out, leader.hypothesis, held_out.windows.measured[:, 0])
+    calls = [(grid, part.hypothesis, slopes) for grid, part in zip(grids, asked, strict=True)]
+    own, *others = problem.run.side_by_side(held_out_fit, [(held_out, leader.hypothesis, slopes), *calls])
     won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
     least = CONTRADICTING_LOSS
     kept = [

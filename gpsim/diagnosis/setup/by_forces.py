@@ -81,12 +81,13 @@ def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
         candidate = next((c for c in offers if c.identity == term.identity), None)
         if candidate is not None and term.variant:
             candidate = rise_of(candidate)
-        if term.gate or term.owners or candidate is None or len(declared) != len(term.values):
+        fixed = tuple(term.values.values())[len(declared) :]
+        if term.gate or term.owners or candidate is None or (fixed and term.variant != RISE):
             return None
         if term.family == LATE:
             late.append((i, candidate))
         elif is_structure(candidate) or term.variant == RISE:
-            bodies[i] = Offer(candidate, term.also)
+            bodies[i] = Offer(candidate, term.also, fixed)
         elif is_row(term.effect) and len(declared) == 1:
             rows.append(i)
         elif is_law(term):

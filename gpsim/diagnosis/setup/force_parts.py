@@ -25,15 +25,19 @@ SLIGHT = 0.01  # of a gain, below which filters and a clock's grid explain it as
 
 @dataclass(frozen=True)
 class Offer:
-    """A candidate, and what else it acts on alike: the servos of an arm are of one make."""
+    """A candidate, and what else it acts on alike: the servos of an arm are of one make.
+
+    fixed: values of its last parameters, which are not asked.
+    """
 
     candidate: Candidate
     also: tuple[str, ...] = ()
+    fixed: tuple[float, ...] = ()
 
     @property
     def declared(self) -> tuple[EffectParameter, ...]:
-        """Its parameters."""
-        return self.candidate.declared
+        """Its parameters that are asked."""
+        return self.candidate.declared[: len(self.candidate.declared) - len(self.fixed)]
 
     @property
     def family(self) -> str:
@@ -52,7 +56,7 @@ class Offer:
 
     def term(self, values: Sequence[float]) -> Term:
         """The term with these values."""
-        return replace(self.candidate.term(values), also=self.also)
+        return replace(self.candidate.term((*values, *self.fixed)), also=self.also)
 
 
 def offered(candidates: Sequence[Candidate]) -> list[Offer]:

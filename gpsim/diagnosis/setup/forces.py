@@ -47,13 +47,12 @@ class Forces:
             out[:, joint, i] = _of_unit_size(term.effect, parameter.name, *moved)
         return out
 
-    def of_rise(self, offer: Offer, about: tuple[float, ...]) -> FloatArray:
-        """(N, C, 2): what friction adds that grows by 1 as the joint slows, and that times a change of the speed."""
+    def of_rise(self, offer: Offer) -> FloatArray:
+        """(N, C, 1): what friction adds that grows by 1 as the joint slows below the offer's speed."""
         joint = self.joint(offer.candidate.place.on)
-        speed, slow = self._path(joint)[1], about[1]
-        out = np.zeros((*self.motion.acceleration.shape, 2))
-        fall = -np.exp(-((speed / slow) ** 2)) * _way(speed)
-        out[:, joint, 0], out[:, joint, 1] = fall, fall * 2.0 * speed**2 / slow**3
+        speed = self._path(joint)[1]
+        out = np.zeros((*self.motion.acceleration.shape, 1))
+        out[:, joint, 0] = -np.exp(-((speed / offer.fixed[0]) ** 2)) * _way(speed)
         return out
 
     def of_gain(self, offer: Offer, late: float) -> FloatArray:

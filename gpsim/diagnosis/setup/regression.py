@@ -15,7 +15,8 @@ from gpsim.diagnosis.setup.forces import MISTAKEN, OFF, Forces
 
 LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
 LATER = 0.1  # samples, by which commands come later where that is asked
-SLOWER = (0.05, 0.1, 0.2, 0.4, 0.8)  # of a joint's usual speed, below which its dry friction may grow
+SLOWER = (0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.57, 0.8)
+"""Of a joint's usual speed, below which its dry friction may grow: which it is shows little, and nobody asks further."""
 ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
 MOST = 6  # bodies and motors that are off at once, at most
 TWICE = 2.0  # times as much is the most: what is noisy is foreseen best by next to nothing
@@ -76,13 +77,13 @@ class Regression:
         return kept if 2 * len(kept) > lacks.shape[1] else []
 
     def _rise(self, candidate: Candidate, lacks: FloatArray, rows: Part) -> Part | None:
-        """How a joint's dry friction grows as it slows, about the likeliest speed, where that is sure."""
+        """How a joint's dry friction grows as it slows, below the likeliest speed, where that is sure."""
         joint = [self.forces.joint(candidate.place.on)]
         alone, own = lacks[:, joint], _at(rows, joint)
         enough, found = least_squares(alone, [own]).evidence + ENOUGH, None
         for share in SLOWER:
-            part = self.part(Offer(candidate), (1.0, share * candidate.place.speed), 0.0)
-            fit = least_squares(alone, [own, _first(_at(part, joint))])
+            part = self.part(Offer(candidate, fixed=(share * candidate.place.speed,)), (), 0.0)
+            fit = least_squares(alone, [own, _at(part, joint)])
             if fit.evidence > enough and fit.sizes[-1] > 0.0:
                 enough, found = fit.evidence, part
         return found
@@ -154,11 +155,8 @@ class Regression:
             low, high = (np.array([edge]) for edge in FACTOR)
             return Part(offer, change, low, high, np.array([UNKNOWN]), gain=True)
         if offer.family == STRIBECK:
-            usual = np.array([declared[0].scale, declared[0].scale * declared[1].scale])
-            low, high = np.array([0.0, -np.inf]), np.array([declared[0].high, np.inf])
-            return Part(
-                offer, self._columns(self.forces.of_rise(offer, about)), low, high, usual, np.array(about[1:])
-            )
+            low, high, usual = (np.array([edge]) for edge in (0.0, declared[0].high, declared[0].scale))
+            return Part(offer, self._columns(self.forces.of_rise(offer)), low, high, usual)
         change, off = self._columns(self.forces.of_body(offer, about)), np.array([OFF])
         if offer.family == HELD:
             low, high = np.array([declared[0].low]), np.array([declared[0].high])
@@ -196,12 +194,6 @@ class Regression:
             term = first.term((float(np.clip(late, declared.low, declared.high)),))
             out = out.plus(replace(term, also=tuple(c.place.on for c in others)), first.declared)
         return out
-
-
-def _first(part: Part) -> Part:
-    """What the first of its values changes."""
-    columns, low, high, usual = part.columns[:1], part.low[:1], part.high[:1], part.usual[:1]
-    return replace(part, columns=columns, low=low, high=high, usual=usual)
 
 
 def _at(part: Part, joints: Sequence[int]) -> Part:
