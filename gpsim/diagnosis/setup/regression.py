@@ -16,7 +16,7 @@ from gpsim.diagnosis.setup.forces import MISTAKEN, OFF, Forces
 LATEST, GRID = 2.0, 0.5  # samples that commands may be late, in steps of which that is scanned
 LATER = 0.1  # samples, by which commands come later where that is asked
 SLOWER = (0.05, 0.07, 0.1, 0.14, 0.2, 0.28, 0.4, 0.57, 0.8)
-"""Of a joint's usual speed, below which its dry friction may grow: which it is shows little, and nobody asks further."""
+"""Of a joint's usual speed, below which its dry friction may grow: which it is shows little."""
 ENOUGH = 10.0  # nats of evidence that a body, a motor or late commands must bring
 MOST = 6  # bodies and motors that are off at once, at most
 TWICE = 2.0  # times as much is the most: what is noisy is foreseen best by next to nothing
