@@ -59,6 +59,10 @@ WRAPPED = {
         Term("actuator_gain", "m1", {"gain": 0.8}), Term("actuator_dead_zone", "m1", {"width": 0.2}),
     ],
     "gated gain": [Term("actuator_gain", "m1", {"gain": 0.7}, Gate(region={"shoulder": (0.0, 1.0)}))],
+    "friction that grows": [
+        Term("coulomb_friction", "elbow", {"force": 0.03}),
+        Term("stribeck_friction", "elbow", {"rise": 0.03, "stribeck_velocity": 0.2}, variant="rise"),
+    ],
     "stribeck": [
         Term("stribeck_friction", "elbow", {"force": 0.03, "static_force": 0.06, "stribeck_velocity": 0.2})
     ],
