@@ -11,7 +11,7 @@ from mjcf_models import linked, written
 from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, is_row, price
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import Rule, accepts
-from gpsim.diagnosis.setup import candidates, offers_of, prepare
+from gpsim.diagnosis.setup import candidates, offers_of, prepare, rise_of
 from gpsim.effects import effect_of
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
@@ -59,6 +59,10 @@ def test_friction_is_expected_where_more_than_half_of_the_joints_have_it(chain, 
     problem, offers = chain
     assert len(expected(problem, _with(offers, "viscous_friction", JOINTS[:count], 0.1))) == alike
     assert not expected(problem, _with(offers, "constant_force", JOINTS[:count], 0.1))
+    grown = Hypothesis()
+    for rise in [r for c in offers if (r := rise_of(c))][:count]:
+        grown = grown.plus(rise.term((0.1, 0.2)), rise.declared[:1])
+    assert len(expected(problem, grown)) == alike
 
 
 def test_the_last_joints_friction_costs_little_and_stays_where_it_gains_anything(chain):

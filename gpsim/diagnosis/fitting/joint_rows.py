@@ -12,7 +12,7 @@ from collections import defaultdict
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.effects import Effect, closed
+from gpsim.effects import RISE, Effect, closed
 
 EVERY_JOINT = 9  # the rank of viscous and dry friction and of a rotor: no joint is without
 FEWEST_JOINTS = 3  # of a robot, of which most joints say what the others are like
@@ -25,7 +25,7 @@ def is_row(effect: Effect) -> bool:
 
 
 def expected(problem: Problem, hypothesis: Hypothesis) -> frozenset[int]:
-    """Rows of families that most joints of a robot have: friction and rotors; offsets differ from joint to joint."""
+    """Rows of families that most joints have: friction, how it grows, rotors; offsets differ from joint to joint."""
     return frozenset(i for family in _of_most_joints(problem, hypothesis) for i in family)
 
 
@@ -43,6 +43,7 @@ def _of_most_joints(problem: Problem, hypothesis: Hypothesis) -> list[list[int]]
     rows: dict[str, list[int]] = defaultdict(list)
     for i, (term, declared) in enumerate(zip(hypothesis.terms, hypothesis.declared, strict=True)):
         plain = len(declared) == 1 and not term.gate and not term.owners
-        if plain and is_row(term.effect) and term.effect.usual >= EVERY_JOINT:
+        of_every_joint = is_row(term.effect) and term.effect.usual >= EVERY_JOINT
+        if plain and (of_every_joint or term.variant == RISE):  # bearings and gears are alike, too
             rows[term.family].append(i)
     return [family for family in rows.values() if 2 * len(family) > joints]
