@@ -16,6 +16,7 @@ from gpsim.effects import (
     CATALOGUE,
     FROM,
     IN_EPISODE,
+    RISE,
     TO,
     ActuatorEffect,
     BristleEffect,
@@ -318,9 +319,10 @@ def _law_of(term: Term) -> Law | None:
     if isinstance(effect, ForceEffect):
         if not effect.dry:
             return tables.FORCES.get(family)
-        return (tables.BY_LOAD if effect.weighs({k: np.zeros(0) for k in term.values}) else tables.DRY).get(
-            family
-        )
+        if term.variant == RISE:
+            return tables.RISES.get(family)
+        weighs = effect.weighs({k: np.zeros(0) for k in term.values})
+        return (tables.BY_LOAD if weighs else tables.DRY).get(family)
     if isinstance(effect, ParameterEffect):
         return (tables.DIFFERENCES if "offset" in term.values else tables.PARAMETERS).get(family)
     if isinstance(effect, DriveEffect):

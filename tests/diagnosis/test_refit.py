@@ -42,11 +42,12 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
     monkeypatch.setattr(pruning, "pays", lambda *fits: True)
     monkeypatch.setattr(pruning, "on_its_grid", lambda problem, less, leader: less)
     monkeypatch.setattr(pruning, "gain", lambda *fits: gain)
+    monkeypatch.setattr(pruning, "start_slopes", lambda *about: None)
     lost = {"with": np.array(losses), "without": np.zeros(len(losses))}
     monkeypatch.setattr(
         pruning,
         "held_out_fit",
-        lambda problem, said: SimpleNamespace(objective=lost[said.label].sum(), said=said.label),
+        lambda problem, said, known: SimpleNamespace(objective=lost[said.label].sum(), said=said.label),
     )
     monkeypatch.setattr(held_out_room, "_losses", lambda problem, richer, poorer: lost[richer.said])
     assert pruning._needed(question, leader, [without]) == [needed]

@@ -85,10 +85,16 @@ def fit(
     return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
 
 
-def start_slopes(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> FloatArray | None:
-    """Slopes of residuals by start states (W, L + 1, S, S), for all that differ in a term; None where that is cheap."""
+def start_slopes(
+    problem: Problem, hypothesis: Hypothesis, starts: FloatArray | None = None
+) -> FloatArray | None:
+    """Slopes of residuals by start states (W, L + 1, S, S), for all that differ in a term; None where that is cheap.
+
+    starts: (W, S), as measured where none are given.
+    """
     if closed(problem.simulator) is None:
         return None
+    starts = problem.windows.measured[:, 0] if starts is None else starts
     residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
     return state_jacobian(problem, hypothesis, starts, residuals)
 

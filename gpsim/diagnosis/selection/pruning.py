@@ -57,7 +57,7 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
         return paying
     asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
     grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
-    slopes = start_slopes(held_out, leader.hypothesis, held_out.windows.measured[:, 0])
+    slopes = start_slopes(held_out, leader.hypothesis)
     calls = [(grid, part.hypothesis, slopes) for grid, part in zip(grids, asked, strict=True)]
     own, *others = problem.run.side_by_side(held_out_fit, [(held_out, leader.hypothesis, slopes), *calls])
     won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
