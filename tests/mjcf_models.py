@@ -1,8 +1,14 @@
 """Models that the tests write down: a pendulum, a slider, a double pendulum, a hopper in the air, a skid on a floor."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+import yaml
+
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.setup import Question, prepare
+from gpsim.stages.diagnose import Task, open_recording
 
 LENGTH, MASS, GRAVITY = 0.8, 1.3, 9.81
 
@@ -45,6 +51,23 @@ def linked(joints: tuple[str, ...], axis: str, at: str, inertial: str) -> str:
         body = f'<body name="link_{name}" pos="{at}">{joint}<inertial {inertial}/>{body}</body>'
     motors = "".join(f'<motor name="motor_{n}" joint="{n}"/>' for n in joints)
     return f"<mujoco><worldbody>{body}</worldbody><actuator>{motors}</actuator></mujoco>"
+
+
+def asked_of(
+    folder: Path, text: str, joints: tuple[str, ...], dt: float, noise: float, rows: Iterable[np.ndarray]
+) -> Question:
+    """The question of a chain's log; rows: positions, speeds and commands of its joints, one after the other."""
+    names = [*joints, *(f"{n}_dot" for n in joints)]
+    lines = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in joints)])]
+    lines += [",".join(f"{v:.7f}" for v in (0, k * dt, *row)) for k, row in enumerate(rows)]
+    (folder / "recording.csv").write_text("\n".join(lines) + "\n")
+    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": dt, "state": state}
+    meta |= {"action": {f"motor_{n}": "N m" for n in joints}, "noise": dict.fromkeys(names, noise)}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    written(folder, text)
+    recording, simulator = open_recording(Task(folder, None))
+    return prepare(recording, simulator, simulator.defaults(), Run())
 
 
 def written(folder: Path, text: str, name: str = "robot.xml") -> str:

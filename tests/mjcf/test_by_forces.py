@@ -7,15 +7,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import linked, written
+from mjcf_models import asked_of, linked
 
 from gpsim.diagnosis.attribution import forces_lead, with_values_of_forces
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit
-from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import null_of
-from gpsim.diagnosis.setup import by_forces, offers_of, prepare
-from gpsim.stages.diagnose import Task, open_recording
+from gpsim.diagnosis.setup import by_forces, offers_of
 
 JOINTS, DT, SAMPLES = ("one", "two"), 0.01, 3000
 ROTORS, VISCOUS, NOISE = (0.05, 0.03), (0.3, 0.2), (1.2, 0.8)
@@ -29,23 +26,14 @@ def arm(tmp_path_factory):
     folder, rng = tmp_path_factory.mktemp("arm"), np.random.default_rng(8)
     model = mujoco.MjModel.from_xml_string(MODEL)
     model.dof_damping[:], model.dof_armature[:] = VISCOUS, ROTORS
-    data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
-    rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
+    data, rows = mujoco.MjData(model), []
     tones, phases = rng.uniform(1.0, 7.0, (2, 4)), rng.uniform(0.0, 6.3, (2, 4))
     for k in range(SAMPLES):
         data.ctrl[:] = 0.6 * np.sin(tones * k * DT + phases).sum(axis=1)
         seen = np.concatenate([data.qpos, data.qvel]) + 1e-3 * rng.normal(size=4)
-        told = data.ctrl + np.array(NOISE) * rng.normal(size=2)
-        rows.append(",".join(f"{v:.6f}" for v in (0, k * DT, *seen, *told)))
+        rows.append([*seen, *(data.ctrl + np.array(NOISE) * rng.normal(size=2))])
         mujoco.mj_step(model, data, round(DT / model.opt.timestep))
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
-    meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-3)}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, MODEL)
-    recording, simulator = open_recording(Task(folder, None))
-    question = prepare(recording, simulator, simulator.defaults(), Run())
+    question = asked_of(folder, MODEL, JOINTS, DT, 1e-3, rows)
     offers, account = offers_of(question), Hypothesis()
     for family, sizes in (("viscous_friction", VISCOUS), ("armature", ROTORS)):
         for on, size in zip(JOINTS, sizes, strict=True):

@@ -5,17 +5,14 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import linked, written
+from mjcf_models import asked_of, linked, written
 
 from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, is_row, price
-from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import Rule, accepts
-from gpsim.diagnosis.setup import candidates, offers_of, prepare, rise_of
+from gpsim.diagnosis.setup import candidates, offers_of, rise_of
 from gpsim.effects import effect_of
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
-from gpsim.stages.diagnose import Task, open_recording
 
 JOINTS = ("one", "two", "three", "four")
 DT, SAMPLES, VISCOUS = 0.02, 200, 0.2
@@ -28,21 +25,13 @@ def chain(tmp_path_factory):
     folder, rng = tmp_path_factory.mktemp("chain"), np.random.default_rng(5)
     model = mujoco.MjModel.from_xml_string(MODEL)
     model.dof_damping[:] = VISCOUS
-    data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
-    rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
+    data, rows = mujoco.MjData(model), []
     for k in range(SAMPLES):
         data.ctrl[:] = 0.8 * np.sin(np.array([3.0, 4.0, 5.0, 6.0]) * k * DT)
         seen = np.concatenate([data.qpos, data.qvel]) + 1e-4 * rng.normal(size=8)
-        rows.append(",".join(f"{v:.7f}" for v in (0, k * DT, *seen, *data.ctrl)))
+        rows.append([*seen, *data.ctrl])
         mujoco.mj_step(model, data, round(DT / model.opt.timestep))
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
-    meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 1e-4)}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, MODEL)
-    recording, simulator = open_recording(Task(folder, None))
-    question = prepare(recording, simulator, simulator.defaults(), Run())
+    question = asked_of(folder, MODEL, JOINTS, DT, 1e-4, rows)
     return question.searched, offers_of(question)
 
 

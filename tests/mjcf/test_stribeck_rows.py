@@ -5,14 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import linked, written
+from mjcf_models import asked_of, linked
 
 from gpsim.diagnosis.fitting import Hypothesis, child_of
-from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine
-from gpsim.diagnosis.setup import by_forces, by_inverse_dynamics, offers_of, prepare, rise_of
-from gpsim.stages.diagnose import Task, open_recording
+from gpsim.diagnosis.setup import by_forces, by_inverse_dynamics, offers_of, rise_of
 
 JOINTS, DT, SAMPLES = ("one", "two", "three"), 0.01, 3500
 DRY, RISE, SLOW, VISCOUS = 0.3, 0.2, 0.12, 0.25  # N m, N m, rad/s, N m s/rad: at every joint
@@ -24,27 +21,19 @@ def _asked(folder, rise):
     """The question of an arm that is driven slowly, by friction that a force of its own makes, and rows of no size."""
     rng, model = np.random.default_rng(5), mujoco.MjModel.from_xml_string(MODEL)
     model.opt.timestep, model.dof_armature[:] = DT / 20, 0.05
-    data, names = mujoco.MjData(model), [*JOINTS, *(f"{n}_dot" for n in JOINTS)]
-    rows = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in JOINTS)])]
+    data, rows = mujoco.MjData(model), []
     tones, phases = rng.uniform(0.3, 2.0, (3, 4)), rng.uniform(0.0, 6.3, (3, 4))
     for k in range(SAMPLES):
         wanted = 0.2 * np.sin(tones * k * DT + phases).sum(axis=1)
         seen = np.concatenate([data.qpos, data.qvel]) + 2e-4 * rng.normal(size=6)
         command = 20.0 * (wanted - data.qpos) - 2.0 * data.qvel
-        rows.append(",".join(f"{v:.6f}" for v in (0, k * DT, *seen, *command)))
+        rows.append([*seen, *command])
         for _ in range(20):
             v = data.qvel
             dry = (DRY + rise * np.exp(-((v / SLOW) ** 2))) * np.tanh(v / 2e-3)
             data.qfrc_applied[:] = command - dry - VISCOUS * v
             mujoco.mj_step(model, data)
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state}
-    meta |= {"action": {f"motor_{n}": "N m" for n in JOINTS}, "noise": dict.fromkeys(names, 2e-4)}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, MODEL)
-    recording, simulator = open_recording(Task(folder, None))
-    question = prepare(recording, simulator, simulator.defaults(), Run())
+    question = asked_of(folder, MODEL, JOINTS, DT, 2e-4, rows)
     offers, account = offers_of(question), Hypothesis()
     for candidate in offers:
         if candidate.family in ROWS and not candidate.variant:

@@ -17,7 +17,7 @@ these nobody has measured)."""
 DRY_FRICTION_FACTOR = 2.5  # times as much where dry friction acts (timings of one core, roughly)
 CLOSED_STEP_FACTOR = 4.0
 """Times as much where the simulator owns its integration (by hand: such a row takes ten to forty times as long, of an
-arm of seven joints seventy, and a robot may take some minutes)."""
+arm of seven joints some ninety, and a robot may take some minutes)."""
 COST_PER_ACTUATOR = 0.45
 """Of a row for each actuator that its command passes (timings of one core, roughly)."""
 COST_PER_SENSOR = 0.3  # of a row for each sensor that remembers (timings of one core, roughly)

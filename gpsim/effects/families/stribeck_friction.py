@@ -30,7 +30,7 @@ class StribeckFriction(ForceEffect):
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Stribeck friction"
     variants: ClassVar[tuple[str, ...]] = ("", RISE)
-    takes: ClassVar[Mapping[str, float]] = {"force": 0.0}
+    takes: ClassVar[Mapping[str, float]] = {"force": 0.0}  # the rise is beside what slides
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
         "static_force": Plausible(
