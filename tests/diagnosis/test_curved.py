@@ -42,6 +42,11 @@ def screw(q):
     return 2.0 + 2.0 * np.sin(6.0 * q) * np.cos(2.0 * q)
 
 
+def read_off(states):
+    """Of a worn potentiometer."""
+    return states + np.array([1.0, 0.0]) * 0.15 * np.sin(2.0 * states[..., :1])
+
+
 WORLDS = {
     "odd force": (World("slider", forces={0: lambda q, v, t: odd(v)}), [VISCOUS]),
     "odd force under two names": (World("slider", forces={0: lambda q, v, t: odd(v)}), [VISCOUS, COULOMB]),
@@ -55,6 +60,14 @@ WORLDS = {
         [VISCOUS, ("constant_force", "q")],
     ),
     "odd friction": (World("slider", grips={0: lambda q, v, n: sliding(v)}), [COULOMB]),
+    "motor under other names": (
+        World("slider", filters=[lambda u, t, h, m: motor(u)]),
+        [("actuator_dead_band", "force"), ("parameter_offset", "mass")],
+    ),
+    "reading": (
+        World("pendulum", sensors=[lambda states, times: read_off(states)]),
+        [("constant_force", "theta")],
+    ),
     "viscous": (World("slider", forces={0: lambda q, v, t: -2.0 * v}), [VISCOUS]),
     "quadratic": (
         World("slider", forces={0: lambda q, v, t: -2.0 * v * np.abs(v)}),
@@ -119,6 +132,14 @@ def test_a_motor_curve_stands_beside_the_friction_that_is_right():
     (curve,) = found("motor").curves.values()
     assert off(curve, motor) < 0.1
     assert found("motor").laws.forms == ("holds", "approximate")
+
+
+@pytest.mark.parametrize(
+    ("name", "family"), [("motor under other names", "actuator_curve"), ("reading", "sensor_curve")]
+)
+def test_a_curve_alone_takes_the_place_of_laws_at_other_sites(name, family):
+    assert families(name) == [family]
+    assert found(name).attribution.share.share > 0.9
 
 
 def test_a_constant_force_stays_told_beside_a_curve_of_the_position():

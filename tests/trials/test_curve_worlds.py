@@ -201,6 +201,15 @@ def test_the_mean_of_a_curve_may_be_told_beside_it():
     assert not found["named_wrong"]
 
 
+def test_where_but_two_commands_were_given_no_law_is_told_from_a_line():
+    answer = answer_of("free_command")
+    truth = answer.content["curve"]
+    both = {"at": [truth["at"][0], truth["at"][-1]] * 9, "adds": [truth["adds"][0], truth["adds"][-1]] * 9}
+    two = replace(answer, content=answer.content | {"curve": truth | both})
+    assert score_curve(answer, None)["identifiable"]
+    assert not score_curve(two, None)["identifiable"]
+
+
 def test_another_input_another_site_and_a_law_that_is_said_to_hold_are_wrong():
     kind = "free_force_of_speed"
     answer = answer_of(kind)
@@ -218,6 +227,7 @@ def test_another_input_another_site_and_a_law_that_is_said_to_hold_are_wrong():
     nearest = score_curve(answer, report_of({**law, "form": "approximate"}))
     assert not nearest["named_wrong"]
     assert nearest["verdict_right"]
+    assert named["identifiable"]
     failed = score_curve(answer, None)
     assert failed["verdict"] == "failed"
     assert not failed["right"]

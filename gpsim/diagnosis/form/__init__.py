@@ -9,7 +9,7 @@ from gpsim.diagnosis.form.free_curve import (
     free_curves,
     missing_curve,
 )
-from gpsim.diagnosis.form.groups import Group, further_input, groups_missing, groups_of
+from gpsim.diagnosis.form.groups import Group, every_group, further_input, groups_missing, groups_of
 from gpsim.diagnosis.form.nearest import Near, nearest, sampled
 from gpsim.diagnosis.form.penalised import Departure
 from gpsim.diagnosis.form.shapes import Measurement, described, measurable, measurement, smooth_start, told
@@ -23,6 +23,7 @@ __all__ = [
     "Near",
     "closed_form",
     "described",
+    "every_group",
     "forms",
     "free_curve",
     "free_curve_again",

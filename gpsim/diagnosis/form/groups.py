@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import Claims
 from gpsim.diagnosis.selection import LackOfFit
-from gpsim.effects import ForceEffect, FunctionOf, Gate, Term, VehicleEffect
+from gpsim.effects import ForceEffect, FunctionOf, Gate, Term, VehicleEffect, effect_of
 from gpsim.simulators import Simulator
 
 
@@ -93,16 +93,30 @@ def groups_missing(simulator: Simulator, hypothesis: Hypothesis, lack: LackOfFit
     """
     if not lack.significant or lack.memory is not None:
         return []
-    wanted: list[Group] = []
-    for coordinate in simulator.coordinates:
-        if coordinate.rate == lack.rate:
-            own: dict[str, FunctionOf] = {coordinate.velocity: "speed", coordinate.name: "position"}
-            wanted += [Group("force", coordinate.name, own[name], ()) for name in lack.on if name in own]
-    wanted += [Group("actuator", name, "command", ()) for name in lack.on if name in simulator.action.names]
+    rates = {c.name: c.rate for c in simulator.coordinates}
+    wanted = [
+        group
+        for group in every_group(simulator)
+        if ((group.site == "force" and rates[group.on] == lack.rate) or group.site == "actuator")
+        and set(group.inputs(simulator)) <= set(lack.on)
+    ]
     there = [group for group in groups_of(hypothesis) if not group.gate]
     return [
         next((g for g in there if (g.site, g.on, g.of) == (new.site, new.on, new.of)), new) for new in wanted
     ]
+
+
+def every_group(simulator: Simulator) -> list[Group]:
+    """Wherever a curve of one input might act, no law in its place: forces, commands, readings, turns."""
+    forces = [Group("force", c.name, of, ()) for c in simulator.coordinates for of in ("speed", "position")]
+    commands = [Group("actuator", name, "command", ()) for name in simulator.action.names]
+    readings = [Group("sensor", name, "reading", ()) for name in simulator.state.names]
+    vehicles = [
+        Group("vehicle", on, "twist", (), changes=changes)
+        for on in effect_of("rate_curve").places(simulator)
+        for changes in ("w", "v_lateral")
+    ]
+    return [*forces, *commands, *readings, *vehicles]
 
 
 def _group(hypothesis: Hypothesis, indices: tuple[int, ...]) -> Group:

@@ -12,27 +12,22 @@ from dataclasses import dataclass, field, replace
 from gpsim.diagnosis.attribution import Attribution, attribute
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, fit, gain, scores
 from gpsim.diagnosis.form import (
-    NOTICED,
     FreeCurve,
-    Group,
     Measurement,
     Near,
     closed_form,
     described,
-    free_curve,
     free_curve_again,
-    groups_missing,
-    measurable,
     measurement,
     nearest,
     sampled,
-    smooth_start,
     told,
 )
+from gpsim.diagnosis.judgement.curves_asked import alone, in_place, surely
 from gpsim.diagnosis.judgement.judgement import Judgement, led_by
 from gpsim.diagnosis.judgement.laws import Laws, gains, laws_of
 from gpsim.diagnosis.judgement.ranking import Ranked
-from gpsim.diagnosis.report import MeasuredCurve, Share
+from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.diagnosis.selection import lean
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
@@ -62,11 +57,12 @@ class Curved:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A curve fitted in the place of laws, and the laws that are nearest to it."""
+    """A fitted curve, how far it is ahead of the leader, and whether it is in the place of laws."""
 
     fit: Fit
     measured: Measurement
-    nearest: list[Near]
+    nats: float
+    instead: bool
 
 
 def curved(
@@ -79,10 +75,11 @@ def curved(
     """Put a curve in the place of one group of laws after another, as long as one is surely better."""
     found, refused = Curved(judgement, attribution, laws), set[Key]()
     for _ in range(question.run.settings.form.curves):
-        tried = _best(question, found, offers, refused)
+        tried = _best(question, found, refused)
         if tried is None:
             break
-        named = _named(question, found, tried)
+        near = nearest(question.everything, tried.measured, offers)
+        named = _named(question, found, tried, near)
         leader = tried.fit if named is None else named
         moved = _moved(question, found.judgement, leader)
         worth = attribute(question, moved.leader, moved.null)
@@ -91,85 +88,61 @@ def curved(
             continue
         curves = dict(found.curves)
         if named is None:
-            curves[tried.measured.key] = _reported(question, tried)
+            curves[tried.measured.key] = _reported(question, tried, near)
         found = Curved(moved, worth, laws_of(question, moved, worth), curves)
         if named is not None:
             refused.add(tried.measured.key)
     return found
 
 
-def _best(question: Question, found: Curved, offers: Sequence[Candidate], refused: set[Key]) -> _Tried | None:
+def _best(question: Question, found: Curved, refused: set[Key]) -> _Tried | None:
     """The curve that is furthest ahead of the leader, of those that are surely better."""
-    problem, leader = question.everything, found.judgement.leader
-    fits = []
-    for free, beside in _asked(question, found):
-        measured = measurement(problem, beside, free) if _apart(free) else None
-        if measured is None or measured.key in refused or _has(leader.hypothesis, measured.key):
-            continue
-        if not problem.run.known.asks(measured.term.identity):
-            continue
-        fitted = _fitted(question, leader, measured)
-        if _has(fitted.hypothesis, measured.key):
-            fits.append(
-                (fitted, measured, bool(free.group and free.group.terms) or beside != leader.hypothesis)
-            )
-    worth = gains(found.judgement, found.attribution, [fitted.hypothesis for fitted, *_ in fits])
+    leader, enough = found.judgement.leader, question.run.settings.acceptance.per_term
+    left = 1.0 - found.attribution.share.share
+    asked = in_place(question, found.judgement, found.laws, left)
+    tried = [t for free, beside in asked if (t := _tried(question, found, free, beside, refused))]
+    tried += _alone(question, found, refused)
+    worth = gains(found.judgement, found.attribution, [one.fit.hypothesis for one in tried])
     better = [
-        (gain(problem, fitted, leader), fitted, measured)
-        for (fitted, measured, laws), more in zip(fits, worth, strict=True)
-        if _surely(question, found, more, laws)
+        one for one, more in zip(tried, worth, strict=True) if surely(question, left, more, one.instead)
     ]
-    for nats, fitted, _ in better:
-        enough = nats > question.run.settings.acceptance.per_term
-        names = fitted.hypothesis.names, leader.hypothesis.names
-        problem.run.trace.note(*names, enough, "measured curve", gain=nats)
-    nats, fitted, measured = max(better, key=lambda one: one[0], default=(0.0, leader, None))
-    if measured is None or nats <= question.run.settings.acceptance.per_term:
+    for one in better:
+        names = one.fit.hypothesis.names, leader.hypothesis.names
+        question.run.trace.note(*names, one.nats > enough, "measured curve", gain=one.nats)
+    most = max((one.nats for one in better), default=0.0)
+    if most <= enough:
         return None
-    fitted, measured = _refined(question, fitted, measured)
-    return _Tried(fitted, measured, nearest(problem, measured, offers))
+    near = [one for one in better if one.nats > max(enough, (1.0 - FOLLOWS) * most)]
+    best = min(near, key=lambda one: (len(one.fit.hypothesis.terms), -one.nats))
+    return _refined(question, found, best)
 
 
-def _asked(question: Question, found: Curved) -> list[tuple[FreeCurve, Hypothesis]]:
-    """A free curve of every group whose laws do not hold, and of what lack of fit says is missing.
+def _alone(question: Question, found: Curved, refused: set[Key]) -> list[_Tried]:
+    """The best curve that stands alone, around its own fit; none where it is behind the laws."""
+    if found.curves:
+        return []
+    asked = alone(question, found.judgement, found.laws)
+    tried = [t for free, beside in asked if (t := _tried(question, found, free, beside, refused))]
+    best = max(tried, key=lambda one: one.nats, default=None)
+    if best is None or best.nats <= question.run.settings.acceptance.per_term:
+        return []
+    return [_refined(question, found, best)]
 
-    Each with the explanation that it was fitted beside.
-    """
+
+def _tried(
+    question: Question, found: Curved, free: FreeCurve, beside: Fit, refused: set[Key]
+) -> _Tried | None:
+    """A free curve as an effect, fitted; None where it is none, was tried before or is left out again."""
     problem, leader = question.everything, found.judgement.leader
-    lack, broken, missing = found.judgement.lack, [], None
-    for free in found.laws.free:
-        if free.group is None:
-            missing = free
-        elif _surely(question, found, free.curve.gain, True):
-            broken.append(free)
-    out = [free for free in broken if free.further is None]
-    groups = [free.group for free in broken if free.further is not None and free.group is not None]
-    if lack is not None and missing is not None and _surely(question, found, missing.curve.gain, True):
-        groups += [g for g in groups_missing(problem.simulator, leader.hypothesis, lack) if _new(g, broken)]
-    calls = [(problem, leader, group) for group in groups if measurable(group)]
-    out += [free for free in problem.run.side_by_side(free_curve, calls) if free is not None]
-    dry = [free.group for free in out if free.group is not None and free.group.dry and free.group.terms]
-    return [(free, leader.hypothesis) for free in out] + [
-        one for group in dry if (one := _smooth(question, leader, group)) is not None
-    ]
-
-
-def _smooth(question: Question, leader: Fit, group: Group) -> tuple[FreeCurve, Hypothesis] | None:
-    """A curve that lets go at rest in the place of laws with dry friction, which may have stood for one."""
-    problem = question.everything
-    begun = smooth_start(problem, leader.hypothesis, group)
-    if begun is None:
+    measured = measurement(problem, beside.hypothesis, free) if _apart(free) else None
+    if measured is None or measured.key in refused or _has(leader.hypothesis, measured.key):
         return None
-    free = free_curve_again(problem, leader, replace(group, terms=(), dry=False), group.terms, begun)
-    return None if free is None else (free, leader.hypothesis.without_all(group.terms))
-
-
-def _surely(question: Question, found: Curved, more: Share | None, laws: bool) -> bool:
-    """Whether a curve surely explains more: so much of the mismatch, or, of laws, a good part of what is left."""
-    settings, left = question.run.settings, 1.0 - found.attribution.share.share
-    part = settings.black_box.more * max(left, 0.0)
-    least = min(NOTICED, part) if laws else NOTICED
-    return more is not None and more.low is not None and more.low > least
+    if not problem.run.known.asks(measured.term.identity):
+        return None
+    fitted = _fitted(question, beside, measured)
+    instead = bool(free.group and free.group.terms) or beside is not leader
+    ahead = gain(problem, fitted, leader)
+    return _Tried(fitted, measured, ahead, instead) if _has(fitted.hypothesis, measured.key) else None
 
 
 def _apart(free: FreeCurve) -> bool:
@@ -177,10 +150,6 @@ def _apart(free: FreeCurve) -> bool:
     if free.group is None or not free.group.terms:
         return True
     return free.departure is not None and free.departure.low > STANDS
-
-
-def _new(group: Group, broken: Sequence[FreeCurve]) -> bool:
-    return all(group != free.group for free in broken)
 
 
 def _has(hypothesis: Hypothesis, key: Key) -> bool:
@@ -206,16 +175,18 @@ def _fit(question: Question, near: Fit, hypothesis: Hypothesis) -> Fit:
     return _settled(found)
 
 
-def _refined(question: Question, found: Fit, measured: Measurement) -> tuple[Fit, Measurement]:
+def _refined(question: Question, found: Curved, tried: _Tried) -> _Tried:
     """The curve once more, around its own fit: only then is it known what is noise, and how wide the band is."""
-    problem, terms = question.everything, found.hypothesis.terms
+    problem, measured, terms = question.everything, tried.measured, tried.fit.hypothesis.terms
     place = next(i for i, t in enumerate(terms) if (t.family, t.on, t.variant) == measured.key)
     alone = replace(measured.group, terms=())
-    free = free_curve_again(problem, found, alone, (place,), _shape(terms[place]))
-    again = None if free is None else measurement(problem, found.hypothesis.without(place), free)
+    free = free_curve_again(problem, tried.fit, alone, (place,), _shape(terms[place]))
+    again = None if free is None else measurement(problem, tried.fit.hypothesis.without(place), free)
     if again is None:
-        return found, measured
-    return _fit(question, found, again.hypothesis), replace(again, group=measured.group)
+        return tried
+    fitted = _fit(question, tried.fit, again.hypothesis)
+    ahead = gain(problem, fitted, found.judgement.leader)
+    return replace(tried, fit=fitted, measured=replace(again, group=measured.group), nats=ahead)
 
 
 def _settled(found: Fit) -> Fit:
@@ -240,10 +211,10 @@ def _of_size_one(term: Term) -> Term:
     return replace(term, values=scaled.values(term.values["freedom"]))
 
 
-def _named(question: Question, found: Curved, tried: _Tried) -> Fit | None:
+def _named(question: Question, found: Curved, tried: _Tried, laws: Sequence[Near]) -> Fit | None:
     """The explanation with laws of the catalogue in the curve's place, where these do as well; None where none do."""
     problem, settings = question.everything, question.run.settings
-    for near in tried.nearest:
+    for near in laws:
         if near.law.misses > FOLLOWS:
             continue
         hypothesis = tried.fit.hypothesis
@@ -273,7 +244,7 @@ def _moved(question: Question, judgement: Judgement, leader: Fit) -> Judgement:
     return led_by(question, judgement, leader, [Ranked(leader.hypothesis, 0.0, True), *others])
 
 
-def _reported(question: Question, tried: _Tried) -> MeasuredCurve:
+def _reported(question: Question, tried: _Tried, laws: Sequence[Near]) -> MeasuredCurve:
     problem, measured = question.everything, tried.measured
     term = next(t for t in tried.fit.hypothesis.terms if (t.family, t.on, t.variant) == measured.key)
     scaled = replace(measured, term=term)
@@ -282,4 +253,4 @@ def _reported(question: Question, tried: _Tried) -> MeasuredCurve:
     if measured.group.of != "twist":
         inputs = sampled(problem, scaled)
         form = closed_form(inputs[0], told(scaled.group, scaled.shape, inputs))
-    return replace(curve, nearest=tuple(near.law for near in tried.nearest), found=form)
+    return replace(curve, nearest=tuple(near.law for near in laws), found=form)

@@ -298,8 +298,8 @@ def whole_figures(scores: Sequence[Score]) -> dict[str, Any]:
 
 
 def curve_figures(scores: Sequence[Score]) -> dict[str, Any]:
-    """By kind of law, too; of those that are visible."""
-    seen = [s for s in scores if s["visible"]]
+    """By kind of law, too; of those that are visible, where what was visited shows that no line says the same."""
+    seen = [s for s in scores if s["visible"] and s["identifiable"]]
     return _figures(
         seen, "curves", _curves, families=rates_by([(s["kind"], s["right"]) for s in seen], "right")
     )
