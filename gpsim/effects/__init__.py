@@ -18,6 +18,7 @@ from gpsim.effects.brought import (
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
+    RISE,
     ActuatorEffect,
     BristleEffect,
     DriveEffect,
@@ -35,7 +36,6 @@ from gpsim.effects.effect import (
 )
 from gpsim.effects.elapsed import even
 from gpsim.effects.elastic import twisted
-from gpsim.effects.families.stribeck_friction import RISE
 from gpsim.effects.forces import bend_key
 from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of

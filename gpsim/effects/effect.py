@@ -17,6 +17,8 @@ from gpsim.channels import FloatArray
 from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory, Simulator
 
+RISE = "rise"
+"""The variant of a law by which a joint's dry friction grows, as it slows or under load, beside what slides."""
 Site = Literal["actuator", "force", "parameter", "vehicle", "rate", "sensor"]
 FunctionOf = Literal["speed", "position", "command", "twist", "reading", "nothing"]
 """What a law without memory is a function of: its coordinate's speed or position, the command, a vehicle's twist, what
@@ -101,9 +103,7 @@ class ForceEffect(Effect):
 
     site: ClassVar[Site] = "force"
     dry_law: ClassVar[Law | None] = None
-    loaded_by_command: ClassVar[bool] = (
-        False  # is its load the size of the command that drives the coordinate?
-    )
+    loaded_by_command: ClassVar[bool] = False  # is its load the size of what drives the coordinate?
 
     @property
     def dry(self) -> bool:
@@ -111,9 +111,10 @@ class ForceEffect(Effect):
         return type(self).grip is not ForceEffect.grip or type(self).dry_law is not None
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
-        """Every coordinate; those that a command drives, where it is the load."""
-        names = tuple(coordinate.name for coordinate in simulator.coordinates)
-        return tuple(simulator.driven().values()) if self.loaded_by_command else names
+        """Every coordinate; those of which it is known what drives them, where that is the load."""
+        if self.loaded_by_command:
+            return (*simulator.driven().values(), *simulator.served)
+        return tuple(coordinate.name for coordinate in simulator.coordinates)
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """(B,) the smooth force on the coordinate; None when there is none."""

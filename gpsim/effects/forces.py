@@ -158,8 +158,11 @@ class Forces:
         return total
 
     def _command(self, coordinate: int, at: Instant) -> FloatArray:
-        """(B,) the size of the command that drives a coordinate."""
-        return np.abs(at.action[:, self._commands[self.simulator.coordinates[coordinate].name]])
+        """(B,) the size of what drives a coordinate: a command, or what a drive with a law of its own makes of it."""
+        on = self.simulator.coordinates[coordinate].name
+        if on in self.simulator.served:
+            return np.abs(self.simulator.given(at.state, at.action, at.parameters)[on])
+        return np.abs(at.action[:, self._commands[on]])
 
     @cached_property
     def _commands(self) -> dict[str, int]:

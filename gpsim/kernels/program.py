@@ -36,7 +36,7 @@ from gpsim.effects import (
     bend_key,
 )
 from gpsim.kernels import codes, tables
-from gpsim.kernels.lanes import LANES
+from gpsim.kernels.lanes import LANES, LOAD, U
 from gpsim.kernels.tables import Hat, Law
 from gpsim.simulators import Memory, Whole, unwrapped, whole
 
@@ -266,6 +266,8 @@ class _Writer:
         if isinstance(effect, DriveEffect):
             return simulator.action.index(term.on)
         if isinstance(effect, ForceEffect) and effect.loaded_by_command:
+            if term.on in simulator.served:
+                return (LOAD - U) // LANES  # where `rates` leaves what the drive gives
             return next(simulator.action.index(u) for u, on in simulator.driven().items() if on == term.on)
         return -1
 
@@ -319,8 +321,8 @@ def _law_of(term: Term) -> Law | None:
     if isinstance(effect, ForceEffect):
         if not effect.dry:
             return tables.FORCES.get(family)
-        if term.variant == RISE:
-            return tables.RISES.get(family)
+        if term.variant == RISE and family in tables.RISES:
+            return tables.RISES[family]
         weighs = effect.weighs({k: np.zeros(0) for k in term.values})
         return (tables.BY_LOAD if weighs else tables.DRY).get(family)
     if isinstance(effect, ParameterEffect):

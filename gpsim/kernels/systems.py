@@ -71,6 +71,7 @@ def rates(b: FloatArray, lanes: int, system: int, held: int) -> None:
         for i in range(lanes):
             wanted = b[P1 + i] * (b[U + i] - b[Y + i]) - b[P2 + i] * b[Y1 + i]
             given = clipped(wanted, -b[P3 + i], b[P3 + i])
+            b[LOAD + i] = given
             b[R + i] = (given - b[P4 + i] * b[SIN + i] + b[F + i]) / b[P + i]
     elif system == ACKERMANN:
         for i in range(lanes):

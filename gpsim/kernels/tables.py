@@ -72,7 +72,7 @@ DRY: Mapping[str, Law] = {
 }
 BY_LOAD: Mapping[str, Law] = {"coulomb_friction": (codes.COEFFICIENT, ("coefficient",))}
 RISES: Mapping[str, Law] = {"stribeck_friction": (codes.STRIBECK, ("force", "rise", "stribeck_velocity"))}
-"""By how much friction grows, beside what slides: of no sliding force."""
+"""By how much friction grows, beside what slides: of no sliding force. Others' laws are the same by themselves."""
 PARAMETERS: Mapping[str, Law] = {"parameter_offset": (codes.RATIO, ("ratio",))}
 DIFFERENCES: Mapping[str, Law] = {"parameter_offset": (codes.DIFFERENCE, ("offset",))}
 """The same of parameters that may be 0."""

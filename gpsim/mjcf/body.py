@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from gpsim.mjcf.batches import Pools
 from gpsim.mjcf.geometry import Moved, corrected
 from gpsim.mjcf.knobs import HEAVIEST, Knob, gain_knob, place_knob, scale_knob
 from gpsim.mjcf.loading import Loaded
+from gpsim.mjcf.motors import motors_on
 from gpsim.mjcf.naming import Names, names_of
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.surfaces import Surface, surfaces_of
@@ -44,6 +46,11 @@ class Body:
 
     def __post_init__(self) -> None:
         self.pools = Pools(self.model)
+
+    @cached_property
+    def motors(self) -> dict[str, tuple[int, ...]]:
+        """See `motors_on`."""
+        return motors_on(self.model, self.names)
 
     @property
     def own_step(self) -> float:

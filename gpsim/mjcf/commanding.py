@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gpsim.effects import ActuatorEffect, Term
+from gpsim.effects import ActuatorEffect, ForceEffect, Term
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.optional import mujoco
 
@@ -32,17 +32,19 @@ def motors_of(
 ) -> tuple[list[Motor], dict[str, list[dict[str, Any]]], list[Placed]]:
     """The actuators that MJCF can correct, what the wrapper does to commands, and what went where.
 
-    Gain and bias at the end of the way are the motor's own; a limit or a delay before them, if nothing else acts.
+    Gain and bias at the end of the way are the motor's own; a limit or a delay before them, if nothing else acts and
+    no friction asks what the motor gives.
     """
     motors: list[Motor] = []
     commands: dict[str, list[dict[str, Any]]] = {}
     went: list[Placed] = []
+    loaded = any(isinstance(t.effect, ForceEffect) and t.effect.loaded_by_command for t in terms)
     for index, name in enumerate(names):
         own = [t for t in terms if t.on == name and isinstance(t.effect, ActuatorEffect)]
         way = sorted(own, key=lambda t: t.effect.order)
         if not way:
             continue
-        native = _native_tail(body, index, way, step)
+        native = _native_tail(body, index, way, None if loaded else step)
         wrapped, tail = way[: len(way) - native], way[len(way) - native :]
         if tail:
             motors.append(_motor(index, tail))
@@ -57,8 +59,8 @@ def _actuator(body: Body, index: int) -> str:
     return str(body.base.actuator(index).name) or f"actuator{index}"
 
 
-def _native_tail(body: Body, index: int, way: Sequence[Term], step: float) -> int:
-    """How many effects at the end of a command's way MJCF can say."""
+def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None) -> int:
+    """How many effects at the end of a command's way MJCF can say; step None: neither limits nor delays."""
     mj, model = mujoco(), body.base
     plain = int(model.actuator_gaintype[index]) == mj.mjtGain.mjGAIN_FIXED and int(
         model.actuator_biastype[index]
@@ -68,7 +70,11 @@ def _native_tail(body: Body, index: int, way: Sequence[Term], step: float) -> in
         count += 1
     left = way[: len(way) - count]
     alone = plain and len(left) == 1 and not left[0].gate.region
-    if alone and (left[0].family == "actuator_saturation" or _delays(body, left[0], step)):
+    if (
+        step is not None
+        and alone
+        and (left[0].family == "actuator_saturation" or _delays(body, left[0], step))
+    ):
         count += 1
     return count
 

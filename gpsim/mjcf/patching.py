@@ -17,7 +17,7 @@ from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.stepping import Plan
 
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
-GRIPS = ("coulomb_friction", "stribeck_friction", "local_friction_patch", "force_curve")
+GRIPS = ("coulomb_friction", "stribeck_friction", "load_friction", "local_friction_patch", "force_curve")
 """Laws of dry friction that the wrapper knows."""
 READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_lag", "sensor_curve", "joint_offset")
 """Laws of sensors that the wrapper knows."""
@@ -119,7 +119,7 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
         told["laws"].append(
             {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}
         )
-        why = "acts in a region only" if region else "MJCF's friction does not depend on speed or place"
+        why = "acts in a region only" if region else "MJCF's friction does not depend on speed, place or load"
         patch.went.append(Went(term, "wrapper", why))
     elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
         told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})

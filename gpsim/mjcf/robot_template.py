@@ -122,6 +122,21 @@ class Robot:
             out[i] = _through(way, float(sent[i]), self._h, self._clock, state)
         return out
 
+    def _given(self, dof: int, at: dict[str, np.ndarray]) -> float:
+        """What a joint's motors give: MuJoCo says it a step later."""
+        m, total, joint = self.model, 0.0, int(self.model.dof_jntid[dof])
+        kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+        for i in np.flatnonzero((m.actuator_trnid[:, 0] == joint) & np.isin(m.actuator_trntype, kinds)):
+            gear, bias = m.actuator_gear[i, 0], m.actuator_biasprm[i]
+            force = m.actuator_gainprm[i, 0] * at["ctrl"][i]
+            if m.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE:
+                q, v = at["qpos"][m.jnt_qposadr[joint]], at["qvel"][dof]
+                force += bias[0] + gear * (bias[1] * q + bias[2] * v)
+            total += gear * (
+                np.clip(force, *m.actuator_forcerange[i]) if m.actuator_forcelimited[i] else force
+            )
+        return float(np.clip(total, *m.jnt_actfrcrange[joint]) if m.jnt_actfrclimited[joint] else total)
+
     def _act(self, ctrl: np.ndarray) -> None:
         """Friction and fields that change with speed or place."""
         begin = self._state() | {"ctrl": ctrl}
@@ -131,7 +146,8 @@ class Robot:
         now = {name: values.copy() for name, values in self._was.items()}
         for dof, law in self._laws:
             speed, share = float(begin["qvel"][dof]), _share(law["region"], begin, end)
-            now["dof_frictionloss"][dof] += share * _grip(speed, law["values"])
+            load = self._given(dof, begin) if "share" in law["values"] else 0.0
+            now["dof_frictionloss"][dof] += share * _grip(speed, load, law["values"])
         for dof, place, force in self._forces:
             x = begin["qpos"][place] if force["of"] == "position" else begin["qvel"][dof]
             now["qfrc_applied"][dof] += _curve(float(x), force["values"])
@@ -242,8 +258,10 @@ def _share(region: dict[str, Any], begin: dict[str, np.ndarray], end: dict[str, 
     return share
 
 
-def _grip(speed: float, v: dict[str, float]) -> float:
-    """Dry friction: measured, or of its own size, larger the slower the joint moves where there is a static one."""
+def _grip(speed: float, load: float, v: dict[str, float]) -> float:
+    """Dry friction: measured, a share of a load, or of its own size, larger the slower where there is a static one."""
+    if "share" in v:
+        return v["share"] * abs(load)
     if "y0" in v:
         return _curve(speed, v)
     slides = v.get("force", 0.0)

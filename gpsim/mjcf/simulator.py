@@ -18,6 +18,7 @@ from gpsim.mjcf.geometry import Moved
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus
+from gpsim.mjcf.motors import given
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.places import places_of
 from gpsim.mjcf.rolling import Rolling
@@ -124,6 +125,20 @@ class MjcfSimulator(Simulator):
     def driven(self) -> dict[str, str]:
         """None: what its drives give is within its step."""
         return {}
+
+    @property
+    def served(self) -> tuple[str, ...]:
+        """Joints whose motors' forces follow from commands and the joint alone."""
+        return tuple(self._body.motors)
+
+    def given(self, state: FloatArray, action: FloatArray, parameters: Parameters) -> dict[str, FloatArray]:
+        """Coordinate -> (B,): what its motors give; gains and stiffness as the model has them."""
+        index, out = self.state.index, {}
+        velocities = {c.name: c.velocity for c in self.coordinates}
+        for on, motors in self._body.motors.items():
+            where, speed = state[:, index(on)], state[:, index(velocities[on])]
+            out[on] = given(self._body.model, motors, action, where, speed, {})
+        return out
 
     @property
     def layout(self) -> Layout:

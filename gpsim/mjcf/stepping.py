@@ -12,6 +12,7 @@ from gpsim.channels import Channels, FloatArray
 from gpsim.effects import ForceEffect, ParameterEffect, RateEffect, Term, Values
 from gpsim.errors import UsageError
 from gpsim.mjcf.body import Body
+from gpsim.mjcf.motors import given
 from gpsim.mjcf.native import FORCE, FRICTION, Fields, add_friction, native_of, parameter_fields
 
 PASSED_ON = ("actuator", "sensor")
@@ -141,8 +142,12 @@ def write_laws(
     at: Moment,
     values: Sequence[Values],
     shares: Mapping[int, FloatArray],
+    known: Mapping[str, FloatArray],
 ) -> None:
-    """Forces and grips of laws that look at the state; columns: of a coordinate its position, velocity and dof."""
+    """Forces and grips of laws that look at the state, and at what a joint's motors give.
+
+    columns: of a coordinate its position, velocity and dof; known: the fields (B, ...) that stand meanwhile.
+    """
     for i in plan.passing:
         if not plan.acts_on_state(i):
             continue
@@ -154,6 +159,10 @@ def write_laws(
         force = effect.force(where, speed, values[i])
         if force is not None:
             fields[FORCE][:, dof] += share * force
-        grip = effect.grip(where, speed, values[i], None)
+        load = None
+        if effect.loaded_by_command:
+            motors = plan.body.motors[term.on]
+            load = np.abs(given(plan.body.model, motors, at.command, where, speed, known))
+        grip = effect.grip(where, speed, values[i], load)
         if grip is not None:
             add_friction(fields, dof, share * grip)

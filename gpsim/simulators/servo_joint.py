@@ -45,13 +45,23 @@ class ServoJoint(MechanicalSimulator):
         """None: what is commanded is an angle, no torque."""
         return {}
 
+    @property
+    def served(self) -> tuple[str, ...]:
+        """The joint."""
+        return ("theta",)
+
+    def given(self, state: FloatArray, action: FloatArray, parameters: Parameters) -> dict[str, FloatArray]:
+        """The servo's torque (B,)."""
+        limit = parameters["torque_limit"]
+        wanted = parameters["stiffness"] * (action[:, 0] - state[:, 0]) - parameters["damping"] * state[:, 1]
+        return {"theta": np.minimum(np.maximum(wanted, -limit), limit)}
+
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:
         """Angular acceleration (B, 1)."""
-        theta, speed, limit = state[:, 0], state[:, 1], parameters["torque_limit"]
-        wanted = parameters["stiffness"] * (action[:, 0] - theta) - parameters["damping"] * speed
-        torque = np.minimum(np.maximum(wanted, -limit), limit) - parameters["gravity_torque"] * np.sin(theta)
+        torque = self.given(state, action, parameters)["theta"]
+        torque = torque - parameters["gravity_torque"] * np.sin(state[:, 0])
         if forces is not None:
             torque = torque + forces[:, 0]
         return np.asarray(torque / parameters["inertia"])[:, None]

@@ -129,6 +129,15 @@ class Simulator(ABC):
         """(B, R) by how much a unit force on a coordinate changes the rates; None where only `rates` tells."""
         return None
 
+    @property
+    def served(self) -> tuple[str, ...]:
+        """Coordinates whose drive has a law of its own: what is commanded is not what it gives (see `given`)."""
+        return ()
+
+    def given(self, state: FloatArray, action: FloatArray, parameters: Parameters) -> dict[str, FloatArray]:
+        """Of those that are served (B,) each: what their drives give [the coordinate's force unit]."""
+        return {}
+
     def driven(self) -> dict[str, str]:
         """Action -> the coordinate that it drives: what a unit of it does to the rates is what a force there does.
 

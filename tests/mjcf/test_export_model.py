@@ -63,6 +63,10 @@ WRAPPED = {
         Term("coulomb_friction", "elbow", {"force": 0.03}),
         Term("stribeck_friction", "elbow", {"rise": 0.03, "stribeck_velocity": 0.2}, variant="rise"),
     ],
+    "friction under load": [
+        Term("load_friction", "elbow", {"share": 0.2}, variant="rise"),
+        Term("actuator_delay", "m2", {"delay": 0.0137}), Term("actuator_saturation", "m1", {"limit": 0.5}),
+    ],
     "stribeck": [
         Term("stribeck_friction", "elbow", {"force": 0.03, "static_force": 0.06, "stribeck_velocity": 0.2})
     ],

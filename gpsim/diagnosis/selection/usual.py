@@ -34,7 +34,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.scaling import moved_inertias
 from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.setup import LATE, Question, by_inverse_dynamics, is_structure, rise_of
+from gpsim.diagnosis.setup import LATE, Question, by_inverse_dynamics, is_structure, rises_of
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
@@ -112,7 +112,7 @@ def _sized(question: Question, usual: Sequence[Candidate], offers: Sequence[Cand
     """The fit of all that inverse dynamics say of a robot at once; None where they say nothing."""
     problem = question.searched
     others, late = [c for c in offers if is_structure(c)], [c for c in offers if _is_late(problem, c)]
-    rises = [rise for c in offers if (rise := rise_of(c))]
+    rises = rises_of(problem.simulator, offers)
     begun = by_inverse_dynamics(problem, question.recording, _begun(usual, {}), others, late, rises)
     if begun is None:
         return None

@@ -1,7 +1,7 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.alike import Alike, alike
-from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rise_of
+from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rises_of
 from gpsim.diagnosis.setup.by_forces import Sizes, by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
@@ -40,7 +40,7 @@ __all__ = [
     "not_asked",
     "offers_of",
     "prepare",
-    "rise_of",
+    "rises_of",
     "settled_question",
     "smoothed",
     "spread_out",

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable
 
 import numpy as np
 
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.setup.force_parts import GAIN, HELD, MASS, STIFF
-from gpsim.effects import RISE, ForceEffect, Term, declared, effect_of
+from gpsim.effects import FAMILIES, RISE, ForceEffect, Term, declared, effect_of
+from gpsim.simulators import Simulator
 
-LATE, STRIBECK = "actuator_delay", "stribeck_friction"
+LATE = "actuator_delay"
 
 
 def is_structure(candidate: Candidate) -> bool:
@@ -21,12 +22,16 @@ def is_structure(candidate: Candidate) -> bool:
     return family in ("payload", GAIN, HELD) or (family == "parameter_offset" and on.endswith((MASS, STIFF)))
 
 
-def rise_of(candidate: Candidate) -> Candidate | None:
-    """By how much a joint's dry friction grows as it slows, where its Stribeck friction may be asked."""
-    if candidate.family != STRIBECK or candidate.variant:
-        return None
-    place = candidate.place
-    return replace(candidate, variant=RISE, declared=declared(effect_of(STRIBECK), place, RISE))
+def rises_of(simulator: Simulator, offers: Iterable[Candidate]) -> list[Candidate]:
+    """By how much a joint's dry friction grows as it slows, and with what its motor gives, where friction is asked."""
+    grows = [effect for effect in FAMILIES.values() if RISE in effect.variants]
+    joints = [c.place for c in offers if effect_of(c.family) in grows and not c.variant]
+    return [
+        Candidate(effect.family, place, RISE, declared(effect, place, RISE))
+        for effect in grows
+        for place in joints
+        if place.on in simulator.served or not getattr(effect, "loaded_by_command", False)
+    ]
 
 
 def is_law(term: Term) -> bool:

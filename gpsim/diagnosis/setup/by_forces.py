@@ -15,7 +15,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, is_row
-from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rise_of
+from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rises_of
 from gpsim.diagnosis.setup.force_parts import Offer, Part, Sized, least_squares, split
 from gpsim.diagnosis.setup.forces import Forces
 from gpsim.diagnosis.setup.inverse_dynamics import CUTOFFS
@@ -23,6 +23,7 @@ from gpsim.diagnosis.setup.low_passed import low_passed
 from gpsim.diagnosis.setup.regression import Regression
 from gpsim.effects import RISE, Term, closed
 from gpsim.recordings import Recording
+from gpsim.simulators import Simulator
 
 ROWS_A_PARAMETER = 4  # at least, below which the scatter of blocks says nothing
 BLOCKS = 8  # of rows in their order, each of which is left out once
@@ -59,7 +60,7 @@ def by_forces(
 
     Empty where forces do not say all of them.
     """
-    simulator, asked = problem.simulator, _asked(account, offers)
+    simulator, asked = problem.simulator, _asked(problem.simulator, account, offers)
     if closed(simulator) is None or asked is None or len(simulator.state) != 2 * len(simulator.coordinates):
         return []
     rows = account.without_all([i for i in range(len(account.terms)) if i not in asked.rows])
@@ -74,13 +75,12 @@ def by_forces(
     return _widened([sizes for sizes in found if sizes is not None])
 
 
-def _asked(account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
+def _asked(simulator: Simulator, account: Hypothesis, offers: Sequence[Candidate]) -> _Asked | None:
     """What each term is; None where one of them is something else, or differs between recordings."""
     rows, bodies, laws, late = [], {}, [], []
+    known = {(c.identity, c.variant): c for c in (*rises_of(simulator, offers), *offers)}
     for i, (term, declared) in enumerate(zip(account.terms, account.declared, strict=True)):
-        candidate = next((c for c in offers if c.identity == term.identity), None)
-        if candidate is not None and term.variant:
-            candidate = rise_of(candidate)
+        candidate = known.get((term.identity, term.variant))
         fixed = tuple(term.values.values())[len(declared) :]
         if term.gate or term.owners or candidate is None or (fixed and term.variant != RISE):
             return None

@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.effects import EffectParameter, Term
+from gpsim.effects import RISE, EffectParameter, Term
 
 ROUNDS, WAIT, SURE = 7, 2, 1e12
 """Rounds of weights by what is left at each joint; in the first of them gains stay as believed, or what rows have not
@@ -48,6 +48,11 @@ class Offer:
     def places(self) -> frozenset[tuple[str, str]]:
         """Family and place of all that it claims."""
         return frozenset((self.family, on) for on in (self.candidate.place.on, *self.also))
+
+    @property
+    def rises(self) -> bool:
+        """Whether it is by how much a joint's dry friction grows."""
+        return self.candidate.variant == RISE
 
     @property
     def of_command(self) -> bool:

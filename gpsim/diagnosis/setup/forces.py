@@ -47,12 +47,18 @@ class Forces:
             out[:, joint, i] = _of_unit_size(term.effect, parameter.name, *moved)
         return out
 
-    def of_rise(self, offer: Offer) -> FloatArray:
-        """(N, C, 1): what friction adds that grows by 1 as the joint slows below the offer's speed."""
-        joint = self.joint(offer.candidate.place.on)
+    def of_rise(self, offer: Offer, late: float) -> FloatArray:
+        """(N, C, 1): what friction adds that grows by 1 as a joint slows below the offer's speed, or with its load."""
+        joint, moved = self.joint(offer.candidate.place.on), self.motion
         speed = self._path(joint)[1]
-        out = np.zeros((*self.motion.acceleration.shape, 1))
-        out[:, joint, 0] = -np.exp(-((speed / offer.fixed[0]) ** 2)) * _way(speed)
+        if offer.fixed:
+            grows = np.exp(-((speed / offer.fixed[0]) ** 2))
+        else:
+            parameters = self.problem.parameters
+            given = self.problem.simulator.given(moved.states, moved.actions(late), parameters)
+            grows = np.abs(given[offer.candidate.place.on])
+        out = np.zeros((*moved.acceleration.shape, 1))
+        out[:, joint, 0] = -grows * _way(speed)
         return out
 
     def of_gain(self, offer: Offer, late: float) -> FloatArray:

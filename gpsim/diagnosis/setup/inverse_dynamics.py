@@ -39,7 +39,7 @@ def by_inverse_dynamics(
 ) -> Hypothesis | None:
     """Rows (see `is_row`) sized by the forces that the base lacks, with late commands and what else is surely off.
 
-    others: bodies and motors that may be off (see `is_structure`). rises: of dry friction (see `rise_of`). None where
+    others: bodies and motors that may be off (see `is_structure`). rises: of dry friction (see `rises_of`). None where
     motion does not tell (a body that floats, episodes that are too short), or where all that is further off in
     simulation than the rows as they are.
     """

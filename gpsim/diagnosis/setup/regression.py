@@ -9,7 +9,6 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis
-from gpsim.diagnosis.setup.asked import STRIBECK
 from gpsim.diagnosis.setup.force_parts import GAIN, HELD, Offer, Part, Sized, least_squares, offered, split
 from gpsim.diagnosis.setup.forces import MISTAKEN, OFF, Forces
 
@@ -41,9 +40,10 @@ class Regression:
         out = [self._hypothesis(*self.fitted(late, parts))]
         late, parts = self._with_more(late, parts, others)
         out += [self._hypothesis(*self.fitted(late, parts))] if len(parts) > 1 else []
-        if slowing := self._rising(late, parts, rises):
-            late, parts = self._with_more(*self.again(late, [*parts, *slowing]), others)
+        while rising := self._rising(late, parts, rises):
+            late, parts = self._with_more(*self.again(late, [*parts, *rising]), others)
             out.append(self._hypothesis(*self.fitted(late, parts)))
+            rises = [c for c in rises if c.family not in {p.offer.family for p in rising if p.offer}]
         return out
 
     def _with_more(
@@ -56,7 +56,7 @@ class Regression:
             for o in offered(others)
             if not o.places & taken
         ]
-        most = MOST + sum(p.offer is not None and p.offer.family == STRIBECK for p in parts)
+        most = MOST + sum(p.offer is not None and p.offer.rises for p in parts)
         while left and len(parts) <= most and (more := self._one_more(late, parts, left)):
             assert more.offer is not None
             left = [p for p in left if p.offer and not p.offer.places & more.offer.places]
@@ -64,29 +64,36 @@ class Regression:
         return late, parts
 
     def _rising(self, late: float, parts: Sequence[Part], rises: Sequence[Candidate]) -> list[Part]:
-        """Of joints whose dry friction surely grows as they slow, by how much; none where they are no more than half.
+        """Of joints whose dry friction surely grows, as they slow or under load, by how much: what is likelier.
 
-        Joints are alike: of one alone something else is likelier.
+        None where they are no more than half. Joints are alike: of one alone something else is likelier.
         """
-        lacks = self.lacks(late)
+        lacks, most, best = self.lacks(late), 0.0, list[Part]()
         (rows, _), *others = split(*self.fitted(late, parts)[:2])
         for part, sizes in others:
             lacks = lacks - np.tensordot(sizes, part.columns, 1)
-        found = [self._rise(candidate, lacks, rows) for candidate in rises]
-        kept = [part for part in found if part]
-        return kept if 2 * len(kept) > lacks.shape[1] else []
+        for family in dict.fromkeys(c.family for c in rises):
+            found = [self._rise(c, lacks, rows, late) for c in rises if c.family == family]
+            kept = [(part, nats) for part, nats in found if part]
+            brings = sum(nats for _, nats in kept)
+            if 2 * len(kept) > lacks.shape[1] and brings > most:
+                most, best = brings, [part for part, _ in kept]
+        return best
 
-    def _rise(self, candidate: Candidate, lacks: FloatArray, rows: Part) -> Part | None:
-        """How a joint's dry friction grows as it slows, below the likeliest speed, where that is sure."""
+    def _rise(
+        self, candidate: Candidate, lacks: FloatArray, rows: Part, late: float
+    ) -> tuple[Part | None, float]:
+        """How a joint's dry friction grows, below the likeliest speed or under load, and its nats, where it is sure."""
         joint = [self.forces.joint(candidate.place.on)]
         alone, own = lacks[:, joint], _at(rows, joint)
-        enough, found = least_squares(alone, [own]).evidence + ENOUGH, None
-        for share in SLOWER:
-            part = self.part(Offer(candidate, fixed=(share * candidate.place.speed,)), (), 0.0)
+        without, most, found = least_squares(alone, [own]).evidence, ENOUGH, None
+        slower = [(share * candidate.place.speed,) for share in SLOWER]
+        for fixed in slower if len(candidate.declared) > 1 else [()]:
+            part = self.part(Offer(candidate, fixed=fixed), (), late)
             fit = least_squares(alone, [own, _at(part, joint)])
-            if fit.evidence > enough and fit.sizes[-1] > 0.0:
-                enough, found = fit.evidence, part
-        return found
+            if fit.evidence > without + most and fit.sizes[-1] > 0.0:
+                most, found = fit.evidence - without, part
+        return found, most
 
     def again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
@@ -154,9 +161,9 @@ class Regression:
                 return Part(offer, change, -TWICE * off, TWICE * off, off, gain=True)
             low, high = (np.array([edge]) for edge in FACTOR)
             return Part(offer, change, low, high, np.array([UNKNOWN]), gain=True)
-        if offer.family == STRIBECK:
+        if offer.rises:
             low, high, usual = (np.array([edge]) for edge in (0.0, declared[0].high, declared[0].scale))
-            return Part(offer, self._columns(self.forces.of_rise(offer)), low, high, usual)
+            return Part(offer, self._columns(self.forces.of_rise(offer, late)), low, high, usual)
         change, off = self._columns(self.forces.of_body(offer, about)), np.array([OFF])
         if offer.family == HELD:
             low, high = np.array([declared[0].low]), np.array([declared[0].high])

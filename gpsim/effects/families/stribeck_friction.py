@@ -12,11 +12,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.effect import RISE, ForceEffect, FunctionOf, Values
 from gpsim.effects.place import EffectParameter, Place, Plausible
-
-RISE = "rise"
-"""The variant that is by how much friction grows as the speed falls, beside what slides."""
 
 
 class StribeckFriction(ForceEffect):

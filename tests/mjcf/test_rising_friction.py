@@ -1,4 +1,4 @@
-"""Dry friction that grows as joints slow: a start that knows it says friction where viscous and dry alone cannot."""
+"""Dry friction that grows as joints slow, or under load: a start that knows it says friction where others cannot."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from mjcf_models import asked_of, linked
 
 from gpsim.diagnosis.fitting import Hypothesis, child_of
 from gpsim.diagnosis.selection import usual_machine
-from gpsim.diagnosis.setup import by_forces, by_inverse_dynamics, offers_of, rise_of
+from gpsim.diagnosis.setup import by_forces, by_inverse_dynamics, offers_of, rises_of
 
 JOINTS, DT, SAMPLES = ("one", "two", "three"), 0.01, 3500
 DRY, RISE, SLOW, VISCOUS = 0.3, 0.2, 0.12, 0.25  # N m, N m, rad/s, N m s/rad: at every joint
+SHARE = 0.15  # of what a motor gives
 ROWS = ("coulomb_friction", "viscous_friction", "armature")
 MODEL = linked(JOINTS, "0 0 1", "0.2 0 0", 'mass="0.4" pos="0.1 0 0" diaginertia="0.004 0.004 0.004"')
 
 
-def _asked(folder, rise):
+def _asked(folder, rise, share=0.0):
     """The question of an arm that is driven slowly, by friction that a force of its own makes, and rows of no size."""
     rng, model = np.random.default_rng(5), mujoco.MjModel.from_xml_string(MODEL)
     model.opt.timestep, model.dof_armature[:] = DT / 20, 0.05
@@ -30,7 +31,8 @@ def _asked(folder, rise):
         rows.append([*seen, *command])
         for _ in range(20):
             v = data.qvel
-            dry = (DRY + rise * np.exp(-((v / SLOW) ** 2))) * np.tanh(v / 2e-3)
+            dry = DRY + rise * np.exp(-((v / SLOW) ** 2)) + share * np.abs(command)
+            dry *= np.tanh(v / 2e-3)
             data.qfrc_applied[:] = command - dry - VISCOUS * v
             mujoco.mj_step(model, data)
     question = asked_of(folder, MODEL, JOINTS, DT, 2e-4, rows)
@@ -41,10 +43,6 @@ def _asked(folder, rise):
     return question, offers, account
 
 
-def _rises(offers):
-    return [rise for c in offers if (rise := rise_of(c))]
-
-
 def _sizes(account, family):
     return np.array([next(iter(t.values.values())) for t in account.terms if t.family == family])
 
@@ -53,8 +51,12 @@ def _sizes(account, family):
 def slow(tmp_path_factory):
     """Friction that grows to two thirds more as joints slow: the question, and where a search begins that asks it."""
     question, offers, rows = _asked(tmp_path_factory.mktemp("slow"), RISE)
-    found = by_inverse_dynamics(question.searched, question.recording, rows, rises=_rises(offers))
-    return question, offers, rows, found
+    return question, offers, rows, _begun(question, offers, rows)
+
+
+def _begun(question, offers, rows):
+    rises = rises_of(question.searched.simulator, offers)
+    return by_inverse_dynamics(question.searched, question.recording, rows, rises=rises)
 
 
 def test_friction_is_right_where_its_growth_is_asked_and_far_off_where_not(slow):
@@ -82,9 +84,26 @@ def test_forces_size_what_grows_with_everything_else(slow):
 
 def test_no_growth_is_found_of_friction_that_does_not_grow(tmp_path):
     question, offers, rows = _asked(tmp_path, 0.0)
-    found = by_inverse_dynamics(question.searched, question.recording, rows, rises=_rises(offers))
+    found = _begun(question, offers, rows)
     assert not _sizes(found, "stribeck_friction").size
+    assert not _sizes(found, "load_friction").size
     assert _sizes(found, "coulomb_friction") == pytest.approx(DRY, rel=0.1)
+
+
+def test_friction_under_load_is_a_share_of_what_motors_give(tmp_path):
+    question, offers, rows = _asked(tmp_path, 0.0, SHARE)
+    found = _begun(question, offers, rows)
+    shares = _sizes(found, "load_friction")  # the last joint hardly works
+    assert len(shares) > len(JOINTS) / 2
+    assert np.median(shares) == pytest.approx(SHARE, rel=0.15)
+    assert shares.max() < 2.0 * SHARE
+    assert _sizes(found, "viscous_friction") == pytest.approx(VISCOUS, rel=0.25)
+    said = by_forces(question.everything, question.recording, found, offers)
+    place = [p.name for p in found.parameters].index("share")
+    assert said
+    for sizes in said:
+        deviation = np.sqrt(sizes.covariance[place, place])
+        assert sizes.account.theta[place] == pytest.approx(SHARE, abs=3.0 * deviation)
 
 
 @pytest.mark.slow
