@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
-from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.report import Claims
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.effects import ForceEffect, FunctionOf, Gate, Term, VehicleEffect, effect_of
@@ -86,31 +86,32 @@ def further_input(simulator: Simulator, group: Group, lack: LackOfFit | None) ->
     return others[0] if len(others) == 1 else None
 
 
-def groups_missing(simulator: Simulator, hypothesis: Hypothesis, lack: LackOfFit) -> list[Group]:
+def groups_missing(problem: Problem, hypothesis: Hypothesis, lack: LackOfFit) -> list[Group]:
     """Where a curve of one input might account for what lack of fit names: with the laws that are there, if any.
 
-    A force of a coordinate's own speed or position, what becomes of a command, what a vehicle makes of its twist.
+    A force of a coordinate's own speed or position, what becomes of a command or of a reading, what a vehicle makes of
+    its twist.
     """
     if not lack.significant or lack.memory is not None:
         return []
-    rates = {c.name: c.rate for c in simulator.coordinates}
-    wanted = [
-        group
-        for group in every_group(simulator)
-        if ((group.site == "force" and rates[group.on] == lack.rate) or group.site == "actuator")
-        and set(group.inputs(simulator)) <= set(lack.on)
-    ]
-    there = [group for group in groups_of(hypothesis) if not group.gate]
-    return [
-        next((g for g in there if (g.site, g.on, g.of) == (new.site, new.on, new.of)), new) for new in wanted
-    ]
+    rates = {c.name: c.rate for c in problem.simulator.coordinates}
+
+    def may_be(group: Group) -> bool:
+        changes = {"force": rates.get(group.on), "vehicle": group.changes}.get(group.site, lack.rate)
+        return changes == lack.rate and set(group.inputs(problem.simulator)) <= set(lack.on)
+
+    smooth = (g for g in groups_of(hypothesis) if not g.gate and not (g.dry and g.of == "position"))
+    there = {(g.site, g.on, g.of, g.changes): g for g in smooth}
+    return [there.get((g.site, g.on, g.of, g.changes), g) for g in every_group(problem) if may_be(g)]
 
 
-def every_group(simulator: Simulator) -> list[Group]:
+def every_group(problem: Problem) -> list[Group]:
     """Wherever a curve of one input might act, no law in its place: forces, commands, readings, turns."""
+    simulator = problem.simulator
     forces = [Group("force", c.name, of, ()) for c in simulator.coordinates for of in ("speed", "position")]
     commands = [Group("actuator", name, "command", ()) for name in simulator.action.names]
-    readings = [Group("sensor", name, "reading", ()) for name in simulator.state.names]
+    seen = zip(simulator.state.names, problem.observed, strict=True)
+    readings = [Group("sensor", name, "reading", ()) for name, observed in seen if observed]
     vehicles = [
         Group("vehicle", on, "twist", (), changes=changes)
         for on in effect_of("rate_curve").places(simulator)

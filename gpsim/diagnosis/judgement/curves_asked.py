@@ -42,7 +42,7 @@ def in_place(question: Question, judgement: Judgement, laws: Laws, left: float) 
     out = [free for free in broken if free.further is None]
     groups = [free.group for free in broken if free.further is not None and free.group is not None]
     if lack is not None and missing is not None and surely(question, left, missing.curve.gain, True):
-        groups += [g for g in groups_missing(problem.simulator, leader.hypothesis, lack) if _new(g, broken)]
+        groups += [g for g in groups_missing(problem, leader.hypothesis, lack) if _new(g, broken)]
     calls = [(problem, leader, group) for group in groups if measurable(group)]
     out += [free for free in problem.run.side_by_side(free_curve, calls) if free is not None]
     dry = [free.group for free in out if free.group is not None and free.group.dry and free.group.terms]
@@ -59,9 +59,7 @@ def alone(question: Question, judgement: Judgement, laws: Laws) -> list[Asked]:
     doubtful = judgement.structured or "approximate" in laws.forms
     if not doubtful or whole_robot(problem, judgement.leader.hypothesis):
         return []
-    read = [name for name, seen in zip(problem.simulator.state.names, problem.observed, strict=True) if seen]
-    groups = [g for g in every_group(problem.simulator) if g.site != "sensor" or g.on in read]
-    calls = [(problem, null, group) for group in groups]
+    calls = [(problem, null, group) for group in every_group(problem)]
     return [(free, null) for free in problem.run.side_by_side(free_curve, calls) if free is not None]
 
 
