@@ -154,15 +154,16 @@ def write_laws(
         term, share = plan.terms[i], shares.get(i, 1.0)
         effect = term.effect
         assert isinstance(effect, ForceEffect)
-        position, velocity, dof = columns[term.on]
-        where, speed = at.state[:, position], at.state[:, velocity]
-        force = effect.force(where, speed, values[i])
-        if force is not None:
-            fields[FORCE][:, dof] += share * force
-        load = None
-        if effect.loaded_by_command:
-            motors = plan.body.motors[term.on]
-            load = np.abs(given(plan.body.model, motors, at.command, where, speed, known))
-        grip = effect.grip(where, speed, values[i], load)
-        if grip is not None:
-            add_friction(fields, dof, share * grip)
+        for on in term.places:
+            position, velocity, dof = columns[on]
+            where, speed = at.state[:, position], at.state[:, velocity]
+            force = effect.force(where, speed, values[i])
+            if force is not None:
+                fields[FORCE][:, dof] += share * force
+            load = None
+            if effect.loaded_by_command:
+                motors = plan.body.motors[on]
+                load = np.abs(given(plan.body.model, motors, at.command, where, speed, known))
+            grip = effect.grip(where, speed, values[i], load)
+            if grip is not None:
+                add_friction(fields, dof, share * grip)

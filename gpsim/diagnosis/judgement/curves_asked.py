@@ -57,8 +57,8 @@ def alone(question: Question, judgement: Judgement, laws: Laws) -> list[Asked]:
     """
     problem, null = question.everything, judgement.null
     doubtful = judgement.structured or "approximate" in laws.forms
-    if not doubtful or whole_robot(problem, judgement.leader.hypothesis):
-        return []
+    if not doubtful or problem.run.known.require or whole_robot(problem, judgement.leader.hypothesis):
+        return []  # beside a curve alone nothing that is required would stand
     calls = [(problem, null, group) for group in every_group(problem)]
     return [(free, null) for free in problem.run.side_by_side(free_curve, calls) if free is not None]
 

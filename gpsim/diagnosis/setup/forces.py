@@ -48,17 +48,15 @@ class Forces:
         return out
 
     def of_rise(self, offer: Offer, late: float) -> FloatArray:
-        """(N, C, 1): what friction adds that grows by 1 as a joint slows below the offer's speed, or with its load."""
-        joint, moved = self.joint(offer.candidate.place.on), self.motion
-        speed = self._path(joint)[1]
-        if offer.fixed:
-            grows = np.exp(-((speed / offer.fixed[0]) ** 2))
-        else:
-            parameters = self.problem.parameters
-            given = self.problem.simulator.given(moved.states, moved.actions(late), parameters)
-            grows = np.abs(given[offer.candidate.place.on])
+        """(N, C, 1): what friction adds that grows by 1 as joints slow below the offer's speed, or with their load."""
+        moved, simulator = self.motion, self.problem.simulator
         out = np.zeros((*moved.acceleration.shape, 1))
-        out[:, joint, 0] = -grows * _way(speed)
+        given = simulator.given(moved.states, moved.actions(late), self.problem.parameters)
+        for on in (offer.candidate.place.on, *offer.also):
+            joint = self.joint(on)
+            speed = self._path(joint)[1]
+            grows = np.exp(-((speed / offer.fixed[0]) ** 2)) if offer.fixed else np.abs(given[on])
+            out[:, joint, 0] = -grows * _way(speed)
         return out
 
     def of_gain(self, offer: Offer, late: float) -> FloatArray:

@@ -66,34 +66,56 @@ class Regression:
     def _rising(self, late: float, parts: Sequence[Part], rises: Sequence[Candidate]) -> list[Part]:
         """Of joints whose dry friction surely grows, as they slow or under load, by how much: what is likelier.
 
-        None where they are no more than half. Joints are alike: of one alone something else is likelier.
+        Joints are alike: of one alone something else is likelier.
         """
         lacks, most, best = self.lacks(late), 0.0, list[Part]()
         (rows, _), *others = split(*self.fitted(late, parts)[:2])
         for part, sizes in others:
             lacks = lacks - np.tensordot(sizes, part.columns, 1)
         for family in dict.fromkeys(c.family for c in rises):
-            found = [self._rise(c, lacks, rows, late) for c in rises if c.family == family]
-            kept = [(part, nats) for part, nats in found if part]
-            brings = sum(nats for _, nats in kept)
-            if 2 * len(kept) > lacks.shape[1] and brings > most:
-                most, best = brings, [part for part, _ in kept]
+            joints = [c for c in rises if c.family == family]
+            by_load = len(joints[0].declared) == 1
+            nats, found = (self._loaded if by_load else self._slowing)(joints, lacks, rows, late)
+            if nats > most:
+                most, best = nats, found
         return best
 
-    def _rise(
+    def _slowing(
+        self, joints: Sequence[Candidate], lacks: FloatArray, rows: Part, late: float
+    ) -> tuple[float, list[Part]]:
+        """How friction grows as joints slow, where that is sure of more than half, and the nats that it brings."""
+        found = [self._slows(c, lacks, rows, late) for c in joints]
+        kept = [(nats, part) for nats, part in found if part]
+        if 2 * len(kept) <= lacks.shape[1]:
+            return 0.0, []
+        return sum(nats for nats, _ in kept), [part for _, part in kept]
+
+    def _slows(
         self, candidate: Candidate, lacks: FloatArray, rows: Part, late: float
-    ) -> tuple[Part | None, float]:
-        """How a joint's dry friction grows, below the likeliest speed or under load, and its nats, where it is sure."""
+    ) -> tuple[float, Part | None]:
+        """How a joint's dry friction grows below the likeliest speed, and the nats that it brings, where it is sure."""
         joint = [self.forces.joint(candidate.place.on)]
         alone, own = lacks[:, joint], _at(rows, joint)
         without, most, found = least_squares(alone, [own]).evidence, ENOUGH, None
-        slower = [(share * candidate.place.speed,) for share in SLOWER]
-        for fixed in slower if len(candidate.declared) > 1 else [()]:
-            part = self.part(Offer(candidate, fixed=fixed), (), late)
+        for share in SLOWER:
+            part = self.part(Offer(candidate, fixed=(share * candidate.place.speed,)), (), late)
             fit = least_squares(alone, [own, _at(part, joint)])
             if fit.evidence > without + most and fit.sizes[-1] > 0.0:
                 most, found = fit.evidence - without, part
-        return found, most
+        return most, found
+
+    def _loaded(
+        self, joints: Sequence[Candidate], lacks: FloatArray, rows: Part, late: float
+    ) -> tuple[float, list[Part]]:
+        """Which share of what motors give friction is, one of all joints.
+
+        Gears are alike; and where a joint works against its friction alone, its share is whatever one likes.
+        """
+        first, *others = joints
+        part = self.part(Offer(first, tuple(c.place.on for c in others)), (), late)
+        fit = least_squares(lacks, [rows, part])
+        nats = fit.evidence - least_squares(lacks, [rows]).evidence
+        return (nats, [part]) if nats > ENOUGH and fit.sizes[-1] > 0.0 else (0.0, [])
 
     def again(self, late: float, parts: Sequence[Part]) -> tuple[float, list[Part]]:
         """How late commands come, and rows and bodies linearised where they were found."""
