@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mjcf_models import asked_of, linked
 
-from gpsim.diagnosis.attribution import forces_lead, with_values_of_forces
+from gpsim.diagnosis.attribution import explained_by, forces_lead, with_values_of_forces
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit
 from gpsim.diagnosis.selection import null_of
 from gpsim.diagnosis.setup import by_forces, offers_of
@@ -60,6 +60,15 @@ def test_they_are_taken_where_simulations_with_them_go_further(arm):
     truth = np.array([*VISCOUS, *ROTORS])
     assert np.abs(found.hypothesis.theta / truth - 1.0).max() < 0.1
     assert np.abs(leader.hypothesis.theta / truth - 1.0).max() > 0.3
+
+
+def test_an_account_of_which_nothing_was_learnt_is_judged_as_it_is(arm):
+    """As the true model is, where a proof compares rollouts."""
+    question, _, account = arm
+    problem = question.everything
+    leader = fit(problem, account.frozen(), problem.windows.measured[:, 0], iterations=3)
+    explained = explained_by(question, leader, null_of(problem, account.scheme))
+    assert 0.0 < explained.rollout.share < 1.0
 
 
 def _with(account, offers, family, on, *values):

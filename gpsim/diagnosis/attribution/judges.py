@@ -160,9 +160,12 @@ def window_judge(
 def _learnt_without(
     problem: Problem, leader: Fit, places: RolloutWindows, judged: Windows
 ) -> tuple[Hypothesis, ...]:
-    """The leader's laws with the values that the other parts of the recording say, part by part."""
+    """The leader's laws with the values that the other parts of the recording say, part by part.
+
+    As they are where none of them was learnt: a robot's true model has what is known of it.
+    """
     folds = int(places.fold.max(initial=0)) + 1
-    if places.judged_on == "held-out rollouts" or not leader.hypothesis.terms:
+    if places.judged_on == "held-out rollouts" or not leader.hypothesis.parameters:
         return (leader.hypothesis,) * folds
     kept = []
     for part in range(folds):
