@@ -9,7 +9,7 @@ from mjcf_models import asked_of, linked, written
 
 from gpsim.diagnosis.fitting import FREE_ROW, Hypothesis, child_of, expected, fit, is_row, price
 from gpsim.diagnosis.selection import Rule, accepts
-from gpsim.diagnosis.setup import candidates, offers_of, rise_of
+from gpsim.diagnosis.setup import candidates, offers_of, rises_of
 from gpsim.effects import effect_of
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
@@ -49,7 +49,7 @@ def test_friction_is_expected_where_more_than_half_of_the_joints_have_it(chain, 
     assert len(expected(problem, _with(offers, "viscous_friction", JOINTS[:count], 0.1))) == alike
     assert not expected(problem, _with(offers, "constant_force", JOINTS[:count], 0.1))
     grown = Hypothesis()
-    for rise in [r for c in offers if (r := rise_of(c))][:count]:
+    for rise in rises_of(problem.simulator, offers)[:count]:
         grown = grown.plus(rise.term((0.1, 0.2)), rise.declared[:1])
     assert len(expected(problem, grown)) == alike
 
