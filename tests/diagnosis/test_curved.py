@@ -12,7 +12,7 @@ import pytest
 
 from gpsim.diagnosis.attribution import attribute
 from gpsim.diagnosis.form import closed_form
-from gpsim.diagnosis.judgement import curved, laws_of
+from gpsim.diagnosis.judgement import Curved, curved, laws_of
 from gpsim.diagnosis.judgement.judgement import Judgement, led_by
 from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.diagnosis.report.codec import read, written
@@ -90,7 +90,8 @@ def found(name):
     judgement = led_by(question, nothing, leader, [])
     attribution = attribute(question, leader, null)
     offers = candidates(question.recording, problem.simulator, problem.parameters)
-    return curved(question, judgement, attribution, laws_of(question, judgement, attribution), offers)
+    named = Curved(judgement, attribution, laws_of(question, judgement, attribution))
+    return curved(question, named, offers)
 
 
 def families(name):

@@ -69,15 +69,9 @@ class _Tried:
     instead: bool
 
 
-def curved(
-    question: Question,
-    judgement: Judgement,
-    attribution: Attribution,
-    laws: Laws,
-    offers: Sequence[Candidate],
-) -> Curved:
+def curved(question: Question, found: Curved, offers: Sequence[Candidate]) -> Curved:
     """Put a curve in the place of one group of laws after another, as long as one is surely better."""
-    found, refused = Curved(judgement, attribution, laws), set[Key]()
+    refused = set[Key]()
     for _ in range(question.run.settings.form.curves):
         tried = _best(question, found, refused)
         if tried is None:
