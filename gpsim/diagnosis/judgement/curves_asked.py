@@ -23,10 +23,6 @@ from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.setup import Question
 
-WORTH_TELLING = 0.001
-"""Of the mismatch, that a curve must explain more for sure, in the place of laws, too: one that explains 0.0 % more is
-no news (a sensor's curve beside the angle offset of a hanging pole, by hand)."""
-
 Asked = tuple[FreeCurve, Fit]
 """A free curve, and the fit beside whose explanation it was fitted."""
 
@@ -70,7 +66,7 @@ def alone(question: Question, judgement: Judgement, laws: Laws) -> list[Asked]:
 def surely(question: Question, left: float, more: Share | None, laws: bool) -> bool:
     """Whether a curve surely explains more: so much of the mismatch, or, of laws, a good part of what is left."""
     part = question.run.settings.black_box.more * max(left, 0.0)
-    least = max(min(NOTICED, part), WORTH_TELLING) if laws else NOTICED
+    least = min(NOTICED, part) if laws else NOTICED
     return more is not None and more.low is not None and more.low > least
 
 
