@@ -43,7 +43,7 @@ stand for a curve and miss more have lost to it by what made it stand)."""
 
 WORTH = 0.01
 """Of the mismatch, that an account must leave for a curve to be tried in the place of all of it: each input has its
-own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis leave 0.002 %)."""
+own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis less than 0.1 %)."""
 
 Key = tuple[str, str, str]
 """Family, place and variant of a curve."""

@@ -51,7 +51,9 @@ class Forces:
         """(N, C, 1): what friction adds that grows by 1 as joints slow below the offer's speed, or with their load."""
         moved, simulator = self.motion, self.problem.simulator
         out = np.zeros((*moved.acceleration.shape, 1))
-        given = simulator.given(moved.states, moved.actions(late), self.problem.parameters)
+        given: dict[str, FloatArray] = {}
+        if not offer.fixed:  # to hear what was commanded is dear
+            given = simulator.given(moved.states, moved.actions(late), self.problem.parameters)
         for on in (offer.candidate.place.on, *offer.also):
             joint = self.joint(on)
             speed = self._path(joint)[1]
