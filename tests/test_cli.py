@@ -98,6 +98,10 @@ def test_help_lists_the_stages_in_order(gpsim):
             "evaluate.policies: expected a list of texts, as [a, b], got None",
         ),
         (
+            ["run", "full-loop", "deploy.safe=true", "evaluate.policies=[Source]"],
+            "deploy.policy: 'GP-Sample' is not one of evaluate.policies: Source",
+        ),
+        (
             ["run", "full-loop", "evaluate.rollouts=0"],
             "evaluate.rollouts: expected a whole number of at least 1, got 0",
         ),

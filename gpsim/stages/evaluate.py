@@ -71,6 +71,12 @@ def check(request: Request) -> None:
     truth(request.config["sample_noise"], "sample_noise")
     for key in ("episodes", "one_step_episodes", "rollouts", "rollout_steps"):
         positive(request.config["evaluate"][key], f"evaluate.{key}")
+    if safety.safe(request):
+        safety.check(request)
+        if (policy := request.config["deploy"]["policy"]) not in policy_names(request):
+            raise UsageError(
+                f"deploy.policy: '{policy}' is not one of evaluate.policies: {', '.join(policy_names(request))}"
+            )
 
 
 def recipe(request: Request) -> Recipe:
@@ -96,14 +102,8 @@ def recipe(request: Request) -> Recipe:
         parents[name] = stage.need(request.having(**settings))
     keys = ["simulator", "target", "task", "evaluate", "sample_noise", "gp"]
     if safety.safe(request):
-        safety.check(request)
         keys += ["deploy", "correction"]
         parents |= safety.rests_on(request)
-        if request.config["deploy"]["policy"] not in parents:
-            raise UsageError(
-                f"deploy.policy: '{request.config['deploy']['policy']}' is not one of evaluate.policies: "
-                f"{', '.join(policy_names(request))}"
-            )
     config = request.section(*keys)
     if (words := measured_on(request)) is not None:
         config["measured_on"] = words

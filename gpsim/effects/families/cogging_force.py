@@ -53,7 +53,7 @@ class CoggingForce(ForceEffect):
                 "amplitude", place.unit, 0.0, 20 * place.span, (0.3 * place.span,), 0.2 * place.span
             ),
             EffectParameter(
-                "period", length, 0.2 * min(periods), 5 * max(periods), periods, 0.02 * min(periods)
+                "period", length, 0.2 * min(periods), 1.1 * max(periods), periods, 0.02 * min(periods)
             ),
             EffectParameter("phase", "rad", -2 * TURN, 2 * TURN, phases, 0.3, place=True, paired=True),
         )
