@@ -231,13 +231,16 @@ def test_a_short_world_of_each_is_named_with_its_sizes(family):
             assert said.parameters[name].value == pytest.approx(value, rel=0.1, abs=0.02 * abs(value) + 0.01)
 
 
-def test_an_end_is_where_something_pushes_back():
+def test_an_edge_is_where_something_begins_to_push_back():
     rng = np.random.default_rng(3)
-    q, noise = rng.uniform(-1.0, 1.0, 1000), rng.normal(0.0, 0.1, 1000)
-    assert pushed_back(q, noise) == (False, False)
-    assert pushed_back(q, noise - 50.0 * np.maximum(q - 0.9, 0.0)) == (False, True)
-    stops = noise - 50.0 * np.maximum(q - 0.9, 0.0) + 50.0 * np.maximum(-0.9 - q, 0.0)
-    assert pushed_back(q, stops) == (True, True)
+    q, noise = rng.uniform(-1.0, 1.0, 1000), rng.normal(0.0, 0.3, 1000)
+    assert pushed_back(q, noise) == pushed_back(q, noise - 20.0 * q) == (None, None)
+    upper = noise - 50.0 * np.maximum(q - 0.9, 0.0)
+    assert pushed_back(q, upper) == (None, pytest.approx(0.9, abs=0.02))
+    assert pushed_back(-q, -upper) == (pytest.approx(-0.9, abs=0.02), None)
+    both = upper + 50.0 * np.maximum(-0.8 - q, 0.0)
+    assert pushed_back(q, both) == (pytest.approx(-0.8, abs=0.02), pytest.approx(0.9, abs=0.02))
+    assert pushed_back(q, -both) == (None, None)  # what pulls outward is no stop
 
 
 def test_noise_is_no_ripple():

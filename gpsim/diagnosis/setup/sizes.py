@@ -8,7 +8,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.settings import CandidateSettings
-from gpsim.diagnosis.setup.along import pushed_back, ripples
+from gpsim.diagnosis.setup.along import Edges, pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.readings import stands, trails, unread
 from gpsim.diagnosis.setup.yielding import yields
@@ -67,7 +67,7 @@ class Sizes:
         self._resists: dict[str, float] = {}
         self._inertias: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
-        self._turned: dict[str, tuple[bool, bool]] = {}
+        self._turned: dict[str, Edges] = {}
         self._yields = {c.name: yields(recording, simulator, parameters, c) for c in simulator.coordinates}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
         self._driven = simulator.driven()

@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.effects.effect import ForceEffect, FunctionOf, Law
 from gpsim.effects.place import EffectParameter, Place
 
-INSIDE = 0.03  # of the way that was visited: where an edge is first looked for
+INSIDE = 0.03  # of the way that was visited: where an edge is first looked for of which nobody has said where it is
 
 
 def pushed_back(q: Any, speed: Any, low: Any, high: Any, stiffness: Any, damping: Any) -> Any:
@@ -46,12 +46,17 @@ class EndStop(ForceEffect):
         lowest, highest = place.visited or (place.middle - place.reach, place.middle + place.reach)
         way = max(highest - lowest, 1e-9)
         typical = place.span / way
+        usual = lowest + INSIDE * way, highest - INSIDE * way
+        low, high = (
+            at if edge is None or np.isnan(edge) else edge
+            for edge, at in zip(place.turned, usual, strict=True)
+        )
         edges = {
             "low": EffectParameter(
-                "low", length, lowest - 0.1 * way, highest, (lowest + INSIDE * way,), 0.02 * way, place=True
+                "low", length, lowest - 0.1 * way, highest, (low,), 0.02 * way, place=True
             ),
             "high": EffectParameter(
-                "high", length, lowest, highest + 0.1 * way, (highest - INSIDE * way,), 0.02 * way, place=True
+                "high", length, lowest, highest + 0.1 * way, (high,), 0.02 * way, place=True
             ),
         }
         kept = {"": ("low", "high"), "lower": ("low",), "upper": ("high",)}[variant]
@@ -73,5 +78,5 @@ class EndStop(ForceEffect):
 
     def offers(self, place: Place, variant: str) -> bool:
         """Those at whose edge something pushed back."""
-        lower, upper = place.turned
+        lower, upper = (edge is not None for edge in place.turned)
         return {"": lower and upper, "lower": lower and not upper, "upper": upper and not lower}[variant]
