@@ -67,14 +67,14 @@ class Place:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a
     channel went; turned: where something begins to push a coordinate back towards either end of that, None where
-    nothing does, nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a channel trails the position or the speed that it goes with; silent:
-    the least reading of a channel that has zeros and nothing between; ripples:
-    (period, phase) of what a scan over a coordinate's positions found; yields: (force, way) of friction that a scan
-    found to grow over a way after each reversal, where it did. speed: the typical speed of a coordinate, or of
-    the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
-    parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
-    inertia: what an action has to move, command over acceleration. centre: of a body, in its frame. damping, friction:
-    what the simulator itself has of a coordinate's, which may be less in truth.
+    nothing does, nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a
+    channel trails the position or the speed that it goes with; silent: the least reading of a channel that has zeros
+    and nothing between; ripples: (period, phase) of what a scan over a coordinate's positions found; yields: (force,
+    way) of friction that a scan found to grow over a way after each reversal, where it did. speed: the typical speed
+    of a coordinate, or of the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known.
+    bounds: of a parameter, as shares of what is believed, or of a difference from it where that is what counts
+    (`additive`). inertia: what an action has to move, command over acceleration. centre: of a body, in its frame.
+    damping, friction: what the simulator itself has of a coordinate's, which may be less in truth.
     """
 
     on: str

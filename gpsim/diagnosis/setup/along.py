@@ -13,7 +13,7 @@ from gpsim.channels import FloatArray
 
 FOUND = 3  # periods that are told, the strongest first
 SHORTEST = 80.0  # periods in the way that was visited, of the last wave number
-REPEATS = 3.0
+REPEATS = 2.0
 """Periods in the way between the outer hundredths of positions, of the first wave number: what was not seen to repeat
 is no ripple, but any curve (beside a cubic spring it followed smooth laws of no family within the noise, three times of
 8 worlds of seed 2060, with 1.7 to 2.3 periods)."""
@@ -21,7 +21,7 @@ WAVES = 400  # wave numbers that are tried
 APART = 0.6  # periods in the way by which two that are told differ at least
 A_SAMPLE = 3.0  # samples that a period takes at a usual speed, at least: what is faster is only its mean
 WHOLE = 0.9  # of a turn, that a body reaches which turns on and on
-CHANCE = 0.01  # with which noise alone makes one that is told
+CHANCE = 0.05  # with which noise alone makes one that is told
 ROWS = 2000  # transitions that are looked at
 TURN = 2.0 * np.pi  # rad, a whole turn
 EDGES = 60  # positions, between the middle and an end, at which an edge is tried
