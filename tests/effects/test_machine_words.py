@@ -153,7 +153,7 @@ WORLDS = {
     "cornering_drag": "unicycle",
     "wheel_saturation": "unicycle",
 }
-CALM = {"lugre_friction": 0.1, "cornering_drag": 0.3}
+CALM = {"lugre_friction": 0.1, "cornering_drag": 0.1}
 """Of the noise: bristles bend by less than a heavy one; three seconds of slow curves cost little speed."""
 
 

@@ -13,7 +13,7 @@ from gpsim.channels import FloatArray
 
 FOUND = 3  # periods that are told, the strongest first
 SHORTEST = 80.0  # periods in the way that was visited, of the last wave number
-REPEATS = 2.0
+REPEATS = 2.5
 """Periods in the way between the outer hundredths of positions, of the first wave number: what was not seen to repeat
 is no ripple, but any curve (beside a cubic spring it followed smooth laws of no family within the noise, three times of
 8 worlds of seed 2060, with 1.7 to 2.3 periods)."""
