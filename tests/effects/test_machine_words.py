@@ -21,7 +21,7 @@ from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 from gpsim.trials import catalogue
 from gpsim.trials.drawing import draws
-from gpsim.trials.truth import run
+from gpsim.trials.truth import run, visibilities
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales
 
 MASS, SECONDS, H = 2.0, 1.0, 0.0025
@@ -193,6 +193,19 @@ def test_readings_tell_a_range_and_a_dead_zone():
     assert 0.2 <= unread(np.where(np.abs(y) < 0.2, 0.0, y)) < 0.22
 
 
+@pytest.mark.parametrize("family", ["sensor_saturation", "sensor_dead_zone"])
+def test_a_world_counts_what_only_readings_show(family):
+    system, rng = SYSTEMS["pendulum"], np.random.default_rng(4)
+    world = draws.bare_world(11, 3, 1, "words", False, system, "measured", [(family, "theta")], rng)
+    world = replace(world, episodes=4, steps=100, dt=0.02)
+    effect = draws.effect(
+        family, "theta", Scales(world, run(world, (), 0.005)), Dial(rng, 0.9), may_gate=False, rng=rng
+    )
+    world = replace(world, effects=(effect,))
+    (seen,) = visibilities(world, run(world, (effect,), 0.002))
+    assert seen.share > 0.05
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("family", [f for f, word in catalogue.WORDS.items() if not word.ages])
 def test_a_short_world_of_each_is_named_with_its_sizes(family):
@@ -242,7 +255,10 @@ def test_an_edge_is_where_something_begins_to_push_back():
     both = upper + 50.0 * np.maximum(-0.93 - q, 0.0)
     assert pushed_back(q, both) == (pytest.approx(-0.93, abs=0.02), pytest.approx(0.9, abs=0.02))
     assert pushed_back(q, -both) == (None, None)  # what pulls outward is no stop
-    assert pushed_back(q, noise - 50.0 * np.maximum(q - 0.5, 0.0)) == (None, None)  # nor is what begins far inside
+    assert pushed_back(q, noise - 50.0 * np.maximum(q - 0.5, 0.0)) == (
+        None,
+        None,
+    )  # nor is what begins far inside
 
 
 def test_noise_is_no_ripple():

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
 from gpsim.trials import catalogue, outside
-from gpsim.trials.truth.running import ActuatorChain, Frame, frame_of, sense
+from gpsim.trials.truth.running import ActuatorChain, Frame, frame_of, limited, sense
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
 
 HIDDEN_STATES = (
@@ -92,7 +92,8 @@ class Replay:
         truth, names = self._truth, self._frame.names
         steps = range(0, len(truth.fine), truth.per_sample)
         sensors = (*self._effects, *self._world.late)
-        return np.stack([sense(sensors, names, truth.fine, i, truth.h) for i in steps])
+        read = np.stack([sense(sensors, names, truth.fine, i, truth.h) for i in steps])
+        return limited(self._effects, names, read)
 
     @cached_property
     def _acting(self) -> FloatArray:
