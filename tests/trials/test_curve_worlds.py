@@ -201,6 +201,18 @@ def test_the_mean_of_a_curve_may_be_told_beside_it():
     assert not found["named_wrong"]
 
 
+def test_beyond_its_ends_a_curve_holds_what_it_adds():
+    """As the effect does: what a sensor adds, and not what it reads."""
+    answer = answer_of("free_reading")
+    curve = curve_of("free_reading", answer)
+    own, half = curve["curve"], slice(10, 31)
+    cut = own | {"at": own["at"][half], "values": own["values"][half]}
+    truth = answer.content["curve"]
+    adds = np.interp(truth["at"], cut["at"], np.subtract(cut["values"], cut["at"]))
+    off = np.sqrt(np.mean((adds - truth["adds"]) ** 2)) / np.ptp(truth["adds"])
+    assert score_curve(answer, report_of(curve | {"curve": cut}))["off"] == pytest.approx(off)
+
+
 def test_where_but_two_commands_were_given_no_law_is_told_from_a_line():
     answer = answer_of("free_command")
     truth = answer.content["curve"]

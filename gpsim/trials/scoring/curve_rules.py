@@ -96,16 +96,16 @@ def _constant(effect: Json, on: str) -> bool:
 
 
 def _told(curve: Json, truth: Json) -> FloatArray:
-    """What the curve adds to what the base makes of its input, at the inputs of the answer."""
+    """What the curve adds to what the base makes of its input, at the inputs of the answer; held beyond its ends."""
     x, at, values = np.array(truth["at"]), np.array(curve["at"]), np.array(curve["values"])
     if curve.get("second_at"):
-        w, rows = np.array(truth["second"]), values.reshape(len(curve["second_at"]), len(at))
+        w, rows = np.array(truth["second"]), values.reshape(len(curve["second_at"]), len(at)) - at
         lines = np.array([np.interp(w, at, row) for row in rows])
         return np.asarray(
-            [np.interp(v, curve["second_at"], line) for v, line in zip(x, lines.T, strict=True)] - w
+            [np.interp(v, curve["second_at"], line) for v, line in zip(x, lines.T, strict=True)]
         )
-    stays = 0.0 if truth["family"] == "force_curve" else x
-    return np.asarray(np.interp(x, at, values) - stays)
+    base = 0.0 if truth["family"] == "force_curve" else at
+    return np.asarray(np.interp(x, at, values - base))
 
 
 def score_plan(answer: Answer, report: Json | None, second: Second | None) -> dict[str, Any]:
