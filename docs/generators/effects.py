@@ -37,12 +37,14 @@ turn rate; the names of the other [symbols](../method/notation.md) are those of 
 the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
 TAIL = f"""\
-`end_stop` has one edge where a recording shows one; it and `cogging_force` are asked where a force stands out at an
-end of the way, or repeats along it. `torque_speed_limit` and `load_friction` are asked where a command is the force
-that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have the lowest or the
-highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing; `overflow` is for
-states that are neither a coordinate nor its velocity. `sensor_lag` is asked where a speed and its position are both
-measured, of the one that trails the other: of readings that all trail alike it cannot be told from an actuator's lag.
+`end_stop` has one edge where a recording shows one. It is asked where a force that is missing bends inward near an end
+of the way, with at most 8 % of the rows beyond; `cogging_force` where one repeats along the way, two and a half times
+at the least: what was not seen to repeat may be any curve. `torque_speed_limit` and `load_friction` are asked where a
+command is the force that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have
+the lowest or the highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing;
+`overflow` is for states that are neither a coordinate nor its velocity. `sensor_lag` is asked where a speed and its
+position are both measured, of the one that trails the other: of readings that all trail alike it cannot be told from
+an actuator's lag.
 `clock_drift` makes commands later and later since the recording's clock began; it is asked where {TOLERATED:g} ppm
 come to a step at the end, and grows to 0.4 s at most, or to what a delay may be. A clock that is fast would have
 commands act before they are given, and is not asked.
