@@ -15,7 +15,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, read_settings
 from gpsim.diagnosis.setup.along import pushed_back, ripples
-from gpsim.diagnosis.setup.readings import stands, unread
+from gpsim.diagnosis.setup.readings import stands, telling, unread
 from gpsim.effects import FAMILIES, Chain, Place, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
@@ -191,6 +191,19 @@ def test_readings_tell_a_range_and_a_dead_zone():
     assert stands(np.zeros(50)) == (False, False)
     assert unread(y) == unread(np.round(y, 2)) == 0.0
     assert 0.2 <= unread(np.where(np.abs(y) < 0.2, 0.0, y)) < 0.22
+
+
+def test_a_rollout_begins_in_no_reading_that_a_range_or_a_zone_hides():
+    t = np.linspace(0.0, 40.0, 2000)
+    true = np.sin(t)[:, None] + np.random.default_rng(6).normal(0, 0.01, (2000, 1))
+    read = np.where(np.abs(true) < 0.2, 0.0, np.minimum(true, 0.8))
+    speed, force = np.gradient(true[:, 0], t), np.zeros((1999, 1))
+    seen, free = (
+        telling(Recording("slider", SLIDER.state, SLIDER.action, (episode,), 0.02, {}, "rk4"))[0]
+        for episode in (Episode("0", t, np.column_stack([q[:, 0], speed]), force) for q in (read, true))
+    )
+    np.testing.assert_array_equal(seen, ((np.abs(true) >= 0.2) & (true < 0.8))[:, 0])
+    assert free.all()
 
 
 @pytest.mark.parametrize("family", ["sensor_saturation", "sensor_dead_zone"])

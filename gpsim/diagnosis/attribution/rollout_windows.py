@@ -1,8 +1,8 @@
 """Rollouts to judge on: a horizon long, begun every few samples, in blocks that are drawn together.
 
-They begin in measured states where these are good enough for that. Else before each lie a few samples from which every
-account says for itself where the rollout begins: a measured velocity may be mostly noise, a differentiated one is late,
-and some states nobody measures.
+They begin in measured states where these are good enough for that, and in no reading at its range's end. Else before
+each lie a few samples from which every account says for itself where the rollout begins: a measured velocity may be
+mostly noise, a differentiated one is late, and some states nobody measures.
 
 Rollouts that begin a horizon apart are two to twenty in a real log, too few for any interval; those that overlap are
 not independent, and blocks of a horizon's length are what a bootstrap draws (Kuensch 1989).
@@ -20,7 +20,7 @@ from gpsim.diagnosis.attribution.shares import FEWEST_BLOCKS
 from gpsim.diagnosis.data import Windows, at, stretches
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.settings import AttributionSettings
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import Question, telling
 from gpsim.effects import closed
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
@@ -88,11 +88,14 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
     length, lead = _length(question, parts, lead)
     starts: list[tuple[int, int]] = []
     block: list[int] = []
+    tells = telling(question.recording)
     for episode, first, last in parts:
-        own = range(first, last - length + 1, ROLLOUT_STRIDE)
+        own = np.arange(first, last - length + 1, ROLLOUT_STRIDE)
+        if lead == 0 and np.any(told := tells[episode][own]):
+            own = own[told]
         before = block[-1] + 1 if block else 0
-        starts += [(episode, k) for k in own]
-        block += [before + (k - first) // (length - lead) for k in own]
+        starts += [(episode, int(k)) for k in own]
+        block += [before + int(k - first) // (length - lead) for k in own]
     dear = closed(question.everything.simulator) is not None
     rows = evenly(len(starts), JUDGED_ROLLOUTS_OF_A_ROBOT if dear else settings.most)
     _, blocks = np.unique(np.array([block[i] for i in rows], dtype=np.int64), return_inverse=True)

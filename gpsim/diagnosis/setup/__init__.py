@@ -10,6 +10,7 @@ from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
 from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
+from gpsim.diagnosis.setup.readings import telling
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.diagnosis.setup.sizes import FEWEST_WITHOUT_CONTACT
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
@@ -44,5 +45,6 @@ __all__ = [
     "settled_question",
     "smoothed",
     "spread_out",
+    "telling",
     "undone",
 ]

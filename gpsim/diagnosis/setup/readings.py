@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.recordings import Recording
 
 FEWEST = 10  # readings of one value: fewer are chance
 AS_MANY = 5  # times as many as have the next value: at a turning point of a coarse signal they are 2.4 times as many
@@ -33,6 +34,27 @@ def unread(readings: FloatArray) -> float:
         return 0.0
     usual = float(np.median(np.diff(sizes[1 : SMALL + 2])))
     return float(sizes[1]) if sizes[1] > HOLLOW * usual else 0.0
+
+
+def telling(recording: Recording) -> list[BoolArray]:
+    """(K + 1,) of each episode, which samples tell where the state is: no reading at its range's end, or in its zone.
+
+    A sensor that says 0 below some size, or no more than its range, hides where a rollout would begin.
+    """
+    hides = [_hides(column) for column in np.concatenate([e.states for e in recording.episodes]).T]
+    return [
+        ~np.any([hidden(y) for hidden, y in zip(hides, e.states.T, strict=True)], axis=0)
+        for e in recording.episodes
+    ]
+
+
+def _hides(readings: FloatArray) -> Callable[[FloatArray], BoolArray]:
+    """Whether a reading is one of those that a sensor like this one gives for many true values."""
+    lowest, highest = stands(readings)
+    low = float(readings.min()) if lowest else -np.inf
+    high = float(readings.max()) if highest else np.inf
+    silent = unread(readings) > 0.0
+    return lambda y: (y <= low) | (y >= high) | (silent & (y == 0.0))
 
 
 def trails(pieces: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
