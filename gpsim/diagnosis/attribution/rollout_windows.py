@@ -91,8 +91,8 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
     tells = telling(question.recording)
     for episode, first, last in parts:
         own = np.arange(first, last - length + 1, ROLLOUT_STRIDE)
-        if lead == 0 and np.any(told := tells[episode][own]):
-            own = own[told]
+        told = np.array([tells[episode][k : k + lead + 1].all() for k in own], dtype=np.bool_)
+        own = own[told] if told.any() else own
         before = block[-1] + 1 if block else 0
         starts += [(episode, int(k)) for k in own]
         block += [before + int(k - first) // (length - lead) for k in own]
