@@ -38,6 +38,12 @@ def pushed_and_late(monkeypatch):
     return concealed_slider(monkeypatch, effects)
 
 
+def test_what_nobody_asks_for_has_no_rivals(monkeypatch):
+    """A dead zone of a speed that is differentiated from positions shows in no reading."""
+    effects = (TrueEffect("sensor_dead_zone", "q_dot", {"width": 0.1}, strength="plain"),)
+    assert rivals(*concealed_slider(monkeypatch, effects)) == []
+
+
 @pytest.mark.slow
 def test_of_two_pushes_a_gain_and_a_bias_are_an_asymmetry(monkeypatch):
     effects = (

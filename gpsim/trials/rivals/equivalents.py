@@ -28,6 +28,7 @@ from gpsim.trials.rivals.fits import (
     as_hypothesis,
     cleaned,
     main_world,
+    on_offer,
     without_noise,
 )
 from gpsim.trials.rivals.kept import claims_from, digests_of, kept_path, read_kept, rivals_from, write_kept
@@ -126,6 +127,8 @@ class _Judge:
     def rivals(self, effects: Sequence[TrueEffect]) -> list[Rival]:
         """Every rival that was fitted."""
         inside = [e for e in effects if not e.outside]
+        if not on_offer(inside, self._offers):  # nobody asks for it, so that no rival can be held against it
+            return []
         found: list[Fit] = []
         for dropped in effects:
             parent = self._fits.of([e for e in inside if e is not dropped])

@@ -106,12 +106,21 @@ class Fits:
         return np.asarray(found.residuals[..., seen] / self.problem.floor[seen])
 
 
+def on_offer(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> bool:
+    """Whether all of them are: a dead zone in a speed that was differentiated shows in no reading, and is not."""
+    offered = {(c.identity, c.variant) for c in offers}
+    return all(_wanted(effect) in offered for effect in effects)
+
+
+def _wanted(effect: TrueEffect) -> tuple[tuple[str, str], str]:
+    return (effect.family, effect.on), "coefficient" if "coefficient" in effect.values else ""
+
+
 def as_hypothesis(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> Hypothesis:
     """Effects of the catalogue with their true values and gates, finely integrated; offers hold their places."""
     out = Hypothesis(scheme="fine")
     for effect in effects:
-        wanted = (effect.family, effect.on), "coefficient" if "coefficient" in effect.values else ""
-        candidate = next(c for c in offers if (c.identity, c.variant) == wanted)
+        candidate = next(c for c in offers if (c.identity, c.variant) == _wanted(effect))
         values = [effect.values[p.name] for p in candidate.declared]
         term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
         # The truth may lie where the catalogue would not search.
