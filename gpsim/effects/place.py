@@ -66,7 +66,7 @@ class Place:
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a
-    channel went; turned: where something begins to push a coordinate back towards either end of that, None where
+    channel went; edges: where something begins to push a coordinate back towards either end of that, None where
     nothing does, nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a
     channel trails the position or the speed that it goes with; silent: the least reading of a channel that has zeros
     and nothing between; ripples: (period, phase) of what a scan over a coordinate's positions found; yields: (force,
@@ -93,7 +93,7 @@ class Place:
     damping: float = 0.0
     friction: float = 0.0
     visited: tuple[float, float] | None = None
-    turned: tuple[float | None, float | None] = (np.nan, np.nan)
+    edges: tuple[float | None, float | None] = (np.nan, np.nan)
     stands: tuple[bool, bool] = (True, True)
     trails: bool = True
     yields: tuple[float, float] | tuple[()] = ()

@@ -268,10 +268,8 @@ def test_an_edge_is_where_something_begins_to_push_back():
     both = upper + 50.0 * np.maximum(-0.93 - q, 0.0)
     assert pushed_back(q, both) == (pytest.approx(-0.93, abs=0.02), pytest.approx(0.9, abs=0.02))
     assert pushed_back(q, -both) == (None, None)  # what pulls outward is no stop
-    assert pushed_back(q, noise - 50.0 * np.maximum(q - 0.5, 0.0)) == (
-        None,
-        None,
-    )  # nor is what begins far inside
+    far_inside = noise - 50.0 * np.maximum(q - 0.5, 0.0)
+    assert pushed_back(q, far_inside) == (None, None)
 
 
 def test_noise_is_no_ripple():

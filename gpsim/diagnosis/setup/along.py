@@ -2,7 +2,8 @@
 
 What the base simulator misses of the forces is taken off smooth functions of position, speed and command by least
 squares; what is left is held against sines of the position, one wave number after another (Lomb 1976, "Least-squares
-frequency analysis of unequally spaced data", Astrophysics and Space Science 39).
+frequency analysis of unequally spaced data", Astrophysics and Space Science 39). What is missed bends at an edge: a
+straight line of the position and the depth behind the edge are held against it, one edge after another.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ SHORTEST = 80.0  # periods in the way that was visited, of the last wave number
 REPEATS = 2.5
 """Periods in the way between the outer hundredths of positions, of the first wave number: what was not seen to repeat
 is no ripple, but any curve (beside a cubic spring it followed smooth laws of no family within the noise, three times of
-8 worlds of seed 2060, with 1.7 to 2.3 periods)."""
+8 worlds of seed 2060, with 1.7 to 2.3 periods; one of them is left that repeats as often)."""
 WAVES = 400  # wave numbers that are tried
 APART = 0.6  # periods in the way by which two that are told differ at least
 A_SAMPLE = 3.0  # samples that a period takes at a usual speed, at least: what is faster is only its mean
 WHOLE = 0.9  # of a turn, that a body reaches which turns on and on
-CHANCE = 0.05  # with which noise alone makes one that is told
+CHANCE = 0.05  # with which noise alone makes one that is told; that costs time alone, as it is fitted and has to pay
 ROWS = 2000  # transitions that are looked at
 TURN = 2.0 * np.pi  # rad, a whole turn
 EDGES = 60  # positions, between the middle and an end, at which an edge is tried
@@ -29,9 +30,10 @@ OUTER, FEWEST = 0.08, 8
 """Of the rows, at most, that are beyond an edge, and rows at least (of stops 1.6 to 6.8 % are; of smooth forces of
 position that no family has, in seven of the nine places where an edge stood out, 9.5 % and more)."""
 LEAST = 0.01
-"""Of what a straight line leaves, that an edge takes off (the twelve worlds of seed 2061 with stops: 1.2 to 75 %;
-24 worlds of seed 2060 without: less than 0.6 %, but 3 % in one, of Stribeck friction in a region)."""
+"""Of what a straight line leaves, that an edge takes off (by hand, the twelve worlds of seed 2061 with stops: 1.2 to
+75 %; seventeen of seed 2060 without: less than 0.6 %, but 3 % in one, of Stribeck friction in a region)."""
 Edges = tuple[float | None, float | None]
+"""The lower and the upper one; None where there is none."""
 
 
 def ripples(
@@ -49,9 +51,9 @@ def ripples(
         return ()
     left = _without_smooth(q, speed, force, actions)
     least, most = _fewest(q, way, wraps), min(SHORTEST, way / (A_SAMPLE * usual * dt))
-    counts = np.arange(np.ceil(least), most + 1.0) if wraps else np.linspace(least, most, WAVES)
     if most < least:
         return ()
+    counts = np.arange(np.ceil(least), most + 1.0) if wraps else np.linspace(least, most, WAVES)
     found: list[tuple[float, float, float]] = []
     for count in counts:
         angle = TURN * count * q / way
@@ -114,5 +116,4 @@ def _without_smooth(q: FloatArray, speed: FloatArray, force: FloatArray, actions
     """(N,) the force without what a smooth law of position, speed and command could be."""
     x, v = (a / max(float(np.std(a)), 1e-300) for a in (q - q.mean(), speed))
     columns = [np.ones_like(x), x, x**2, x**3, v, v * np.abs(v), np.sign(v), np.sin(q), np.cos(q), *actions.T]
-    basis = np.stack(columns, axis=1)
-    return _unlike(basis, force)
+    return _unlike(np.stack(columns, axis=1), force)

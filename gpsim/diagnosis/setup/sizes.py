@@ -67,7 +67,7 @@ class Sizes:
         self._resists: dict[str, float] = {}
         self._inertias: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
-        self._turned: dict[str, Edges] = {}
+        self._edges: dict[str, Edges] = {}
         self._yields = {c.name: yields(recording, simulator, parameters, c) for c in simulator.coordinates}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
         self._driven = simulator.driven()
@@ -90,7 +90,7 @@ class Sizes:
             q, v = rows.states[:, at], rows.states[:, speed]
             missed = (rows_rates - rates)[:, column] / np.where(np.abs(mobility) > 0, mobility, np.inf)
             self._visited[coordinate.name] = float(q.min()), float(q.max())
-            self._turned[coordinate.name] = pushed_back(q, missed)
+            self._edges[coordinate.name] = pushed_back(q, missed)
             self._ripples[coordinate.name] = ripples(
                 q, v, missed, rows.actions, recording.dt, simulator.state.wraps[at]
             )
@@ -113,7 +113,7 @@ class Sizes:
                 damping=coordinate.damping,
                 friction=coordinate.friction,
                 visited=self._visited[on],
-                turned=self._turned[on],
+                edges=self._edges[on],
                 ripples=self._ripples[on],
                 yields=self._yields[on],
             )

@@ -52,6 +52,7 @@ class CoggingForce(ForceEffect):
             EffectParameter(
                 "amplitude", place.unit, 0.0, 20 * place.span, (0.3 * place.span,), 0.2 * place.span
             ),
+            # Far beyond the longest it would not be seen to repeat.
             EffectParameter(
                 "period", length, 0.2 * min(periods), 1.1 * max(periods), periods, 0.02 * min(periods)
             ),

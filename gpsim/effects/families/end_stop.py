@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.effects.effect import ForceEffect, FunctionOf, Law
 from gpsim.effects.place import EffectParameter, Place
 
-INSIDE = 0.03  # of the way that was visited: where an edge is first looked for of which nobody has said where it is
+INSIDE = 0.03  # of the way that was visited: where an edge is first looked for that no scan has found
 
 
 def pushed_back(q: Any, speed: Any, low: Any, high: Any, stiffness: Any, damping: Any) -> Any:
@@ -49,9 +49,9 @@ class EndStop(ForceEffect):
         usual = lowest + INSIDE * way, highest - INSIDE * way
         low, high = (
             at if edge is None or np.isnan(edge) else edge
-            for edge, at in zip(place.turned, usual, strict=True)
+            for edge, at in zip(place.edges, usual, strict=True)
         )
-        edges = {
+        declared = {
             "low": EffectParameter(
                 "low", length, lowest - 0.1 * way, highest, (low,), 0.02 * way, place=True
             ),
@@ -62,7 +62,7 @@ class EndStop(ForceEffect):
         kept = {"": ("low", "high"), "lower": ("low",), "upper": ("high",)}[variant]
         damping = place.span / place.speed
         return (
-            *(edges[name] for name in kept),
+            *(declared[name] for name in kept),
             EffectParameter(
                 "stiffness",
                 f"{place.unit}/{length}",
@@ -78,5 +78,5 @@ class EndStop(ForceEffect):
 
     def offers(self, place: Place, variant: str) -> bool:
         """Those at whose edge something pushed back."""
-        lower, upper = (edge is not None for edge in place.turned)
+        lower, upper = (edge is not None for edge in place.edges)
         return {"": lower and upper, "lower": lower and not upper, "upper": upper and not lower}[variant]
