@@ -23,7 +23,7 @@ from gpsim.diagnosis.form import (
     sampled,
     told,
 )
-from gpsim.diagnosis.judgement.curves_asked import alone, in_place, surely
+from gpsim.diagnosis.judgement.curves_asked import alone, in_place, many, simpler, surely
 from gpsim.diagnosis.judgement.judgement import Judgement, led_by
 from gpsim.diagnosis.judgement.laws import Laws, gains, laws_of
 from gpsim.diagnosis.judgement.ranking import Ranked
@@ -42,8 +42,8 @@ FOLLOWS = 0.02
 stand for a curve and miss more have lost to it by what made it stand)."""
 
 WORTH = 0.01
-"""Of the mismatch, that an account must leave for a curve to be tried in the place of all of it: each input has its
-own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis less than 0.1 %)."""
+"""Of the mismatch, that an account of few laws must leave for a curve to be tried in the place of all of it: each
+input has its own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis less than 0.1 %)."""
 
 Key = tuple[str, str, str]
 """Family, place and variant of a curve."""
@@ -102,7 +102,9 @@ def _best(question: Question, found: Curved, refused: set[Key]) -> _Tried | None
     tried += _alone(question, found, refused)
     worth = gains(found.judgement, found.attribution, [one.fit.hypothesis for one in tried])
     better = [
-        one for one, more in zip(tried, worth, strict=True) if surely(question, left, more, one.instead)
+        one
+        for one, more in zip(tried, worth, strict=True)
+        if surely(question, left, more, one.instead) or simpler(leader.hypothesis, one.fit.hypothesis, more)
     ]
     for one in better:
         names = one.fit.hypothesis.names, leader.hypothesis.names
@@ -116,8 +118,9 @@ def _best(question: Question, found: Curved, refused: set[Key]) -> _Tried | None
 
 
 def _alone(question: Question, found: Curved, refused: set[Key]) -> list[_Tried]:
-    """The best curve that stands alone, around its own fit; none behind laws, nor where these leave too little."""
-    if found.curves or found.attribution.share.share > 1.0 - WORTH:
+    """The best curve that stands alone, around its own fit; none behind laws, nor where few leave too little."""
+    worth = many(found.judgement.leader.hypothesis) or found.attribution.share.share <= 1.0 - WORTH
+    if found.curves or not worth:
         return []
     asked = alone(question, found.judgement, found.laws)
     tried = [t for free, beside in asked if (t := _tried(question, found, free, beside, refused))]
