@@ -42,8 +42,8 @@ FOLLOWS = 0.02
 stand for a curve and miss more have lost to it by what made it stand)."""
 
 WORTH = 0.01
-"""Of the mismatch, that an account of few laws must leave for a curve to be tried in the place of all of it: each
-input has its own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis less than 0.1 %)."""
+"""Of the mismatch, that an account of few laws must leave for a curve to be tried in the place of all of it: each input
+has its own, which is dear (laws that stood for a curve left 7 to 60 %; those of the EMPS axis less than 0.1 %)."""
 
 Key = tuple[str, str, str]
 """Family, place and variant of a curve."""
@@ -119,7 +119,7 @@ def _best(question: Question, found: Curved, refused: set[Key]) -> _Tried | None
 
 def _alone(question: Question, found: Curved, refused: set[Key]) -> list[_Tried]:
     """The best curve that stands alone, around its own fit; none behind laws, nor where few leave too little."""
-    worth = many(found.judgement.leader.hypothesis) or found.attribution.share.share <= 1.0 - WORTH
+    worth = many(question, found.judgement) or found.attribution.share.share <= 1.0 - WORTH
     if found.curves or not worth:
         return []
     asked = alone(question, found.judgement, found.laws)

@@ -22,6 +22,7 @@ from gpsim.diagnosis.judgement.laws import Laws
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
 
 SIMPLER = 2
 """Pieces that a curve must save to stand wherever it explains more, however little (a drag and a bumper of no family,
@@ -60,16 +61,19 @@ def alone(question: Question, judgement: Judgement, laws: Laws) -> list[Asked]:
     Whoever searches law by law goes on from the law that is nearest to a curve, and two or three may then stand for it.
     """
     problem, null = question.everything, judgement.null
-    doubtful = judgement.structured or "approximate" in laws.forms or many(judgement.leader.hypothesis)
+    doubtful = judgement.structured or "approximate" in laws.forms or many(question, judgement)
     if not doubtful or problem.run.known.require or whole_robot(problem, judgement.leader.hypothesis):
         return []  # beside a curve alone nothing that is required would stand
     calls = [(problem, null, group) for group in every_group(problem)]
     return [(free, null) for free in problem.run.side_by_side(free_curve, calls) if free is not None]
 
 
-def many(hypothesis: Hypothesis) -> bool:
-    """Whether one curve in the place of all laws would be so much simpler that this speaks for it."""
-    return pieces(hypothesis) > SIMPLER
+def many(question: Question, judgement: Judgement) -> bool:
+    """Whether one curve in the place of all laws would be so much simpler that this speaks for it.
+
+    Nobody asks where the simulator owns its steps, which are dear.
+    """
+    return closed(question.everything.simulator) is None and pieces(judgement.leader.hypothesis) > SIMPLER
 
 
 def simpler(leader: Hypothesis, other: Hypothesis, more: Share) -> bool:
