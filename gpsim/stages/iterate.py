@@ -40,7 +40,7 @@ from gpsim.tasks import Start
 
 Told = Callable[[str, Artifact, bool], None]
 """told(what, artifact, whether it existed)"""
-DRIVE, SUMMARY = "drive", "iteration.json"
+DRIVE, SWEEP, SUMMARY = "drive", "sweep", "iteration.json"
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,10 @@ def run(request: Request, told: Told) -> Artifact:
     parents: dict[str, Artifact] = {"policy-0": policy}
     done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
     recording: Artifact | None = None
+    if (
+        request.config["collect"]["policy"] == SWEEP
+    ):  # no policy's drives hold commands as long as processes may need
+        recording = parents["recording"] = _made(collect.STAGE, request, SWEEP, told)
     known: Plant | None = None
     stopped = f"all {rounds} rounds are done"
     for turn in range(rounds):
@@ -166,7 +170,7 @@ def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
     sensed, noise = as_sensed(episodes, base.state, float(section["noise"]), float(section["missing"]), rng)
     before = read_recording(recipe.parents["before"].path) if "before" in recipe.parents else None
     older = () if before is None else before.episodes
-    turn = 0 if before is None else 1 + int(before.provenance["round"])
+    turn = 0 if before is None else 1 + int(before.provenance.get("round", -1))
     episodes = (*(replace(e, name=f"{turn}.{e.name}") for e in sensed), *older)
     recording = recording_of(base, episodes, "iterate", request.seed, noise, round=turn, new=len(sensed))
     write_recording(recording, folder)

@@ -84,6 +84,27 @@ def test_a_round_that_gains_nothing_is_the_last_and_is_not_adopted(tmp_path, gai
     assert "not adopted" in iterate.lines(made)[1]
 
 
+def test_a_sweep_comes_before_the_first_drive_and_stays_below_all(tmp_path, gaining):
+    """Processes of the commands that arrived learn from commands that stand, which no policy's drives hold."""
+    gaining(10.0, 5.0, -5.0)
+    words = ("rounds=2", "collect.episodes=2", f"runs_dir={tmp_path / 'runs'}")
+    small = ("experiment=limo", "budget=smoke", "policy.total_steps=800", "evaluate.episodes=12")
+    _, said = run(Request(resolve([*small, *words], None), (*small, *words)))
+    assert [what for what, existed in said if not existed][:4] == [
+        "policy 0",
+        "sweep",
+        "drive 0",
+        "residuals 0",
+    ]
+    drives = [read_recording(path) for path in sorted((tmp_path / "runs/limo/drive").glob("v*"))]
+    swept = read_recording(next((tmp_path / "runs/limo/collect").glob("v*")))
+    for turn, drive in enumerate(drives):
+        newest, *_ = drive.episodes
+        assert newest.name == f"{turn}.0"
+        np.testing.assert_array_equal(drive.episodes[-1].states, swept.episodes[-1].states)
+    assert len(drives[1].episodes) == 2 * 2 + len(swept.episodes)
+
+
 @pytest.mark.parametrize(
     ("word", "said"),
     [
