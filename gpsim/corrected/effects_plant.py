@@ -94,7 +94,8 @@ class EffectsPlant:
             extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
         step = np.full(count, self._step)
         owner = self.chain.closed
-        if owner is not None and not self.chain.looks:  # what gates of commands look at happens on the way
+        # What gates of commands look at happens on the way.
+        if owner is not None and not self.chain.actuation.looks:
             return self._at_once(owner, state, action, memory, extra)
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
@@ -166,8 +167,8 @@ class EffectsPlant:
         A bias in front of a lag has arrived by then. Where gates look at the state nothing is known yet: at rest.
         """
         chain, step = self.chain, self._step
-        rest = chain.rest(1, step)
-        if not chain.actuates or chain.looks:
+        rest = chain.actuation.rest(1, step)
+        if not chain.actuation or chain.actuation.looks:
             return rest
         count = PRE_ROLL * round(self.dt / step)
         settled = {key: values.copy() for key, values in rest.items()}

@@ -11,10 +11,10 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects import elastic
+from gpsim.effects.actuation import Actuation
 from gpsim.effects.closed_step import ClosedStep, closed
-from gpsim.effects.commands import Grid, blended, on_its_way
+from gpsim.effects.commands import Grid, blended
 from gpsim.effects.effect import (
-    ActuatorEffect,
     DriveEffect,
     ElasticDrive,
     ParameterEffect,
@@ -23,11 +23,9 @@ from gpsim.effects.effect import (
     VehicleEffect,
 )
 from gpsim.effects.forces import Forces, Instant, bend_key
-from gpsim.effects.own import base_name
-from gpsim.effects.place import longest_delay
 from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
-from gpsim.simulators import Integrator, Memory, RateFunction, Simulator, part_of
+from gpsim.simulators import Integrator, Memory, RateFunction, Simulator
 
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
@@ -90,32 +88,10 @@ class Chain:
         """The coordinates on which dry friction acts."""
         return self._forces.rubbing
 
-    def rest(self, count: int, step: float) -> Memory:
-        """The actuators' memory at rest, for a grid of `step` [s]."""
-        memory: Memory = {}
-        # What was found on a thinned clock may be late by more of this clock's steps.
-        late = (v for t in self.terms for name, v in t.values.items() if base_name(name) == "delay")
-        longest = max(longest_delay(self.dt), *late, 0.0)
-        for i, effect, column in self._actuators:
-            part, own = effect.begin(count, longest, step), self._own(i, column)
-            memory |= {f"{own}{key}": values for key, values in part.items()}
-        return memory
-
     @cached_property
-    def leaps(self) -> bool:
-        """Whether whole control steps take commands to where a fine grid does: each effect is exact for a held one."""
-        ways = [[e for _, e, column in self._actuators if column == c] for _, _, c in self._actuators]
-        gated = any(self.terms[i].gate for i, _, _ in self._actuators)
-        return not gated and all(effect.holds for way in ways for effect in way[:-1])
-
-    def finer(self, memory: Memory, times: int) -> Memory:
-        """The actuators' memory for a grid that is so many times finer from here on."""
-        return {
-            f"{own}{key}": values
-            for i, effect, column in self._actuators
-            for own in (self._own(i, column),)
-            for key, values in effect.finer(part_of(memory, own), times).items()
-        }
+    def actuation(self) -> Actuation:
+        """What happens to commands."""
+        return Actuation(self.terms, self.simulator.action, self.dt)
 
     def commands(
         self,
@@ -131,9 +107,12 @@ class Chain:
         actions: (B, K, A); states: (B, K + 1, S) at their ends, at which gates look; step: (B, K) s each; t: (B, K) s,
         when they begin.
         """
-        if not self.actuates:
+        if not self.actuation:
             return actions
-        return self._acted(actions, states[:, :-1], states[:, 1:], values, memory, step, t)
+        # The base simulator's own step takes what acts at its start.
+        fine = self.scheme == "fine"
+        grid = Grid(actions, states[:, :-1], states[:, 1:], t, step, self.channels, fine)
+        return self.actuation.delivered(grid, values, memory)
 
     def command(
         self,
@@ -145,57 +124,10 @@ class Chain:
         t: FloatArray,
     ) -> FloatArray:
         """(B, A): what reaches the simulator during one substep (B,) that begins in state (B, S); memory moves on."""
-        if not self.actuates:
+        if not self.actuation:
             return action
-        begin, end = state[:, None], self._ahead(state, action, step)[:, None]
-        return self._acted(action[:, None], begin, end, values, memory, step[:, None], t[:, None])[:, 0]
-
-    def _acted(
-        self,
-        actions: FloatArray,
-        begin: FloatArray,
-        end: FloatArray,
-        values: Sequence[Values],
-        memory: Memory,
-        step: FloatArray,
-        t: FloatArray,
-    ) -> FloatArray:
-        """(B, K, A): what reaches the simulator; begin, end: (B, K, S) states between which each substep lies."""
-        # The base simulator's own step takes what acts at its start.
-        grid = Grid(actions, begin, end, t, step, self.channels, self.scheme == "fine")
-        out = np.array(actions)
-        for column in dict.fromkeys(column for _, _, column in self._actuators):
-            way = [
-                (self.terms[i].gate, e, values[i], part_of(memory, self._own(i, c)))
-                for i, e, c in self._actuators
-                if c == column
-            ]
-            out[:, :, column] = on_its_way(way, column, grid)
-        return out
-
-    @cached_property
-    def looks(self) -> bool:
-        """Whether what happens to a command depends on where the system is."""
-        return any(self.terms[i].gate.region for i, _, _ in self._actuators)
-
-    @property
-    def actuators(self) -> int:
-        """How many effects change commands."""
-        return len(self._actuators)
-
-    @cached_property
-    def actuates(self) -> bool:
-        """Whether anything happens to the commands."""
-        return bool(self._actuators)
-
-    def remembers(self, values: Sequence[Values]) -> float:
-        """How long [s] a command matters after it was given, through all that happens to it."""
-        acting = {i: effect for i, effect, _ in self._actuators}
-        return sum(effect.remembers(values[i]) for i, effect in acting.items())
-
-    def acts(self, term: int) -> bool:
-        """Whether a term changes commands."""
-        return isinstance(self.terms[term].effect, ActuatorEffect)
+        states = np.stack([state, self._ahead(state, action, step)], axis=1)
+        return self.commands(action[:, None], states, values, memory, step[:, None], t[:, None])[:, 0]
 
     def advance(
         self,
@@ -334,20 +266,6 @@ class Chain:
         return lambda at: held
 
     @cached_property
-    def _actuators(self) -> list[tuple[int, ActuatorEffect, int]]:
-        found = [
-            (i, term.effect, self.simulator.action.index(on))
-            for i, term in enumerate(self.terms)
-            if isinstance(term.effect, ActuatorEffect)
-            for on in term.places
-        ]
-        return sorted(found, key=lambda item: item[1].order)
-
-    def _own(self, term: int, column: int) -> str:
-        """How what a term remembers of an action is called."""
-        return f"{term}:{column}/" if self.terms[term].also else f"{term}/"
-
-    @cached_property
     def _forces(self) -> Forces:
         return Forces(self.simulator, self.terms)
 
@@ -394,7 +312,7 @@ class Chain:
     @cached_property
     def _gated(self) -> list[int]:
         """Terms behind a gate that do not act on commands."""
-        return [i for i, term in enumerate(self.terms) if term.gate and not self.acts(i)]
+        return [i for i, term in enumerate(self.terms) if term.gate and not self.actuation.acts(i)]
 
     def _shares(
         self, state: FloatArray, action: FloatArray, values: Sequence[Values], step: FloatArray, t: FloatArray

@@ -106,7 +106,7 @@ def program_of(chain: Chain) -> Program | None:
         made = _Writer(chain, inner, system).program()
     except _NotCompiled:
         return None
-    return None if chain.looks and made.actuators is None else made
+    return None if chain.actuation.looks and made.actuators is None else made
 
 
 class _NotCompiled(Exception):  # noqa: N818  # no error: NumPy does it
@@ -137,7 +137,7 @@ class _Writer:
         first = [self.system, SCHEMES[chain.scheme], inner.held[0] if inner.held else -1, len(inner.kept)]
         first += [len(chain.simulator.action), 1, 0, ahead, still]
         return Program(
-            np.array([*first, *ends, int(changing), LANES, int(chain.looks), 0, 0], dtype=np.int64),
+            np.array([*first, *ends, int(changing), LANES, int(chain.actuation.looks), 0, 0], dtype=np.int64),
             _table(self.terms, codes.TERM_WIDTH),
             _table(self.conditions, codes.CONDITION_WIDTH),
             _table(self.curves, codes.CURVE_WIDTH),

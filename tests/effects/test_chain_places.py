@@ -18,7 +18,7 @@ def test_a_term_on_two_actions_is_two_terms_of_the_same_values(tmp_path):
     for terms in ((both,), both.apart):
         chain = Chain(simulator, simulator.defaults(), terms, "fine", 0.01)
         values = [{"delay": np.full(3, LATE)} for _ in terms]
-        memory = chain.rest(3, 0.01)
+        memory = chain.actuation.rest(3, 0.01)
         first = chain.commands(commands[:, :4], states[:, :5], values, memory, step[:, :4], t[:, :4])
         rest = chain.commands(commands[:, 4:], states[:, 4:], values, memory, step[:, 4:], t[:, 4:])
         came.append(np.concatenate([first, rest], axis=1))

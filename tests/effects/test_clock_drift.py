@@ -48,7 +48,7 @@ def test_commands_are_means_of_what_a_slow_clock_reads(uneven):
     area = np.concatenate([[0.0], np.cumsum(u * steps)])
     chain = Chain(SLIDER, {"mass": MASS}, (Term("clock_drift", "force", {"drift": SLOW}),), "fine", DT)
     got = chain.commands(
-        u[None, :, None], np.zeros((1, 301, 2)), [{"drift": np.array([SLOW])}], chain.rest(1, 0.005), steps[None],
+        u[None, :, None], np.zeros((1, 301, 2)), [{"drift": np.array([SLOW])}], chain.actuation.rest(1, 0.005), steps[None],
         edges[None, :-1],
     )[0, :, 0]  # fmt: skip
     read = np.interp(edges * (1.0 - SLOW * 1e-6), edges, area)
@@ -79,7 +79,7 @@ def test_the_truth_is_the_same_law():
     said = np.stack([truth.act(u[:, k], nowhere, t[:, k], h) for k in range(400)], axis=1)
     chain = Chain(SLIDER, {"mass": MASS}, (Term("clock_drift", "force", {"drift": SLOW}),), "fine", DT)
     ours = chain.commands(
-        u[..., None], np.zeros((2, 401, 2)), [{"drift": np.full(2, SLOW)}], chain.rest(2, h), np.full((2, 400), h), t
+        u[..., None], np.zeros((2, 401, 2)), [{"drift": np.full(2, SLOW)}], chain.actuation.rest(2, h), np.full((2, 400), h), t
     )  # fmt: skip
     np.testing.assert_allclose(said, ours[..., 0], atol=1e-9)
     assert not said[0, :48].any()

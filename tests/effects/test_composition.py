@@ -225,7 +225,7 @@ def test_what_follows_a_delay_sees_both_commands_of_a_substep(follower):
         h, count = 0.02 / substeps, 12 * substeps
         held = np.repeat(commands, substeps)[None, :, None]
         t, step = h * np.arange(count)[None], np.full((1, count), h)
-        memory = chain.rest(1, h)
+        memory = chain.actuation.rest(1, h)
         acted = chain.commands(held, np.zeros((1, count + 1, 2)), values, memory, step, t)
         return acted.reshape(12, substeps).mean(axis=1)
 

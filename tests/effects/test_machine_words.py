@@ -87,7 +87,7 @@ def test_a_law_moves_a_slider_as_scipy_does(family):
     on = "force" if FAMILIES[family].site == "actuator" else "q"
     chain = Chain(SLIDER, {"mass": MASS}, (Term(family, on, k),), "fine", 0.02)
     values = [{name: np.array([value]) for name, value in k.items()}]
-    state, step, memory = np.zeros((1, 2)), np.array([H]), chain.rest(1, H)
+    state, step, memory = np.zeros((1, 2)), np.array([H]), chain.actuation.rest(1, H)
     for i in range(round(SECONDS / H)):
         t = np.array([i * H])
         acts = chain.command(np.array([[push(i * H)]]), state, values, memory, step, t)

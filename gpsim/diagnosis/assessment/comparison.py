@@ -232,7 +232,7 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     """Whether what was commanded or where the system was before matters to what happens."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     values = hypothesis.spread(hypothesis.theta[None], 1)
-    return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
+    return chain.actuation.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
 def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps:

@@ -77,7 +77,7 @@ def precomputed(
     acted, memory, before = _acted(chain, windows, spread, thetas, setting)
     by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
     which = _which(setting, len(windows))
-    if not chain.looks:
+    if not chain.actuation.looks:
         return lambda k, j, state: by_time[before + n * k + j][which]
     held = {key: kept[which] for key, kept in memory.items()}
     every = values_of(chain, windows, spread, thetas)
@@ -108,13 +108,13 @@ def commands(
     threads: int,
 ) -> Commands | None:
     """The same for compiled code; None where it cannot do what actuators do to commands that depend on the state."""
-    if not chain.actuates:
+    if not chain.actuation:
         every = np.concatenate([windows.before_actions, windows.actions], axis=1)
         return Commands(every, rows, windows.before_actions.shape[1], finely=False)
     n, which = setting.n, _which(setting, len(windows))
     acted, memory, before = _acted(chain, windows, spread, thetas, setting, inside=False)
     at = actuators_of(program, memory, len(acted), even=setting.even)
-    if chain.looks:
+    if chain.actuation.looks:
         if at is None:
             return None
         return Commands(acted, which, before, finely=True, given=windows.actions, at=at)
@@ -147,13 +147,13 @@ def _acted(
     """
     count, n, first = len(windows), setting.n, setting.first
     rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
-    coarser = chain.looks and not setting.even
-    memory = chain.rest(len(rows), setting.shortest if coarser else setting.usual)
+    coarser = chain.actuation.looks and not setting.even
+    memory = chain.actuation.rest(len(rows), setting.shortest if coarser else setting.usual)
     if setting.leaps:
         memory = _led_up_to(chain, windows, rows, values, setting)
         windows = windows.remembering(0)
     before = n * windows.before_actions.shape[1]
-    end = None if inside and not chain.looks else before
+    end = None if inside and not chain.actuation.looks else before
     if end == 0:
         return np.empty((len(rows), 0, windows.actions.shape[2])), memory, 0
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
@@ -162,7 +162,7 @@ def _acted(
     t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
     step = np.repeat(steps, n, axis=1)[:, :end]
     states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
-    if chain.looks:
+    if chain.actuation.looks:
         states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
     given = np.repeat(actions, n, axis=1)[:, :end]
     acted = chain.commands(given[rows], states[rows], values, memory, step[rows], t[rows])
@@ -174,10 +174,10 @@ def _led_up_to(
 ) -> Memory:
     """The actuators' memory at the windows' beginning, from whole control steps."""
     actions, t = windows.before_actions[rows], windows.before_t[rows]
-    memory = chain.rest(len(rows), setting.usual * setting.n)
+    memory = chain.actuation.rest(len(rows), setting.usual * setting.n)
     states = np.empty((*t.shape, 0))  # nobody looks at them
     chain.commands(actions, states, values, memory, np.diff(t, axis=1), t[:, :-1])
-    return chain.finer(memory, setting.n)
+    return chain.actuation.finer(memory, setting.n)
 
 
 def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:

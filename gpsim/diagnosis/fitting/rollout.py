@@ -64,7 +64,7 @@ def roll(
     system = chain.closed
     assert system is not None
     n, looks = setting.n, looks_of(setting.n) if chain.sensors.remember else 1
-    if isinstance(extra, Pushes) and not (chain.sensors.remember or chain.looks):
+    if isinstance(extra, Pushes) and not (chain.sensors.remember or chain.actuation.looks):
         return _pushed(chain, windows, rows, starts, values, n, drive, extra)
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     clock = windows.t[rows]
@@ -76,7 +76,7 @@ def roll(
         history, past = _history(chain, windows, rows, starts, values, setting, drive)
         seen = chain.sensors.begin(history, values, every * steps[:, 0], past)
     out[:, 0] = chain.sensors.measure(starts, values, seen, every * steps[:, 0])
-    whole = setting.even and extra is None and not chain.looks
+    whole = setting.even and extra is None and not chain.actuation.looks
     state = starts
     made = (
         _rolled(chain, system, state, values, drive, range(windows.length), n, steps[:, 0], clock[:, 0])
@@ -148,7 +148,7 @@ def _rolled(
     added: FloatArray | None = None,
 ) -> FloatArray:
     """(B, K n, S): the states after every substep of some transitions; what looks at states is asked in turn."""
-    if not chain.looks:
+    if not chain.actuation.looks:
         commands = np.stack([drive(k, j, state) for k in transitions for j in range(n)], axis=1)
         return tamed(chain.rolled(system, state, commands, values, step, t, added))
     path = []

@@ -78,7 +78,7 @@ def _simulated(
     with np.errstate(all="ignore"):
         drive = (
             precomputed(chain, windows, spread, thetas, setting)
-            if chain.actuates
+            if chain.actuation
             else as_recorded(windows, rows)
         )
         begun = starts.reshape(copies * count, -1)
@@ -110,19 +110,21 @@ def _set(
 ) -> tuple[Setting, Windows]:
     """The setting, and the windows with as much of what was commanded before them as matters."""
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
-    if not (chain.actuates or chain.sensors.remember):
+    if not (chain.actuation or chain.sensors.remember):
         return Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
     values, even = values_of(chain, windows, spread, thetas), windows.even
     slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
     windows = _what_matters(chain, windows, values, slots / n)
-    if chain.actuates:  # parameters of other sites do not change what becomes of a command
+    if chain.actuation:  # parameters of other sites do not change what becomes of a command
         single = [
-            np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)
+            np.stack(list(v.values()), axis=1)
+            for i, v in enumerate(spread(thetas, 1))
+            if chain.actuation.acts(i)
         ]
         _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
     leaps = (
-        even and chain.leaps and not chain.sensors.remember
+        even and chain.actuation.leaps and not chain.sensors.remember
     )  # sensors look at the substeps before a window
     usual = float(np.median(steps))
     shortest = usual / UNEVEN_FINER
@@ -132,7 +134,7 @@ def _set(
 def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
     """The windows with as much of what was commanded before them as actuators and `sensors` [samples] remember."""
     shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
-    commands = chain.remembers(values) / max(shortest, 1e-12)
+    commands = chain.actuation.remembers(values) / max(shortest, 1e-12)
     if not np.isfinite(commands):
         return windows
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
@@ -146,10 +148,10 @@ def _count(run: Run, chain: Chain, windows: Windows, copies: int, setting: Setti
     owned = chain.closed is not None
     budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry, owned=owned)
     budget.spend_on_readings(rows, inside, chain.sensors.remembering)
-    if chain.actuates:
-        budget.spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
-    if chain.looks:
-        budget.spend_on_commands(rows, inside, chain.actuators)
+    if chain.actuation:
+        budget.spend_on_commands(len(setting.first) * len(windows), before + inside, len(chain.actuation))
+    if chain.actuation.looks:
+        budget.spend_on_commands(rows, inside, len(chain.actuation))
 
 
 def _parts(cores: int, copies: int, windows: int, substeps: int) -> int:

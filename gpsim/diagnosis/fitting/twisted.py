@@ -57,9 +57,9 @@ def _acted(
     chain: Chain, given: FloatArray, steps: FloatArray, t: FloatArray, values: Sequence[Values]
 ) -> FloatArray:
     """(B, K, A) what has become of commands by whole control steps; as given where that depends on the state."""
-    if not chain.actuates or chain.looks:
+    if not chain.actuation or chain.actuation.looks:
         return given
-    memory = chain.rest(len(given), float(np.median(steps)))
+    memory = chain.actuation.rest(len(given), float(np.median(steps)))
     nowhere = np.empty((len(given), given.shape[1] + 1, 0))  # nobody looks at states
     return chain.commands(given, nowhere, values, memory, steps, t)
 

@@ -62,7 +62,7 @@ def _grid_matters(problem: Problem, fits: Sequence[Fit]) -> bool:
 
 def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    return chain.remembers(hypothesis.spread(hypothesis.theta[None], 1)) > 0.0
+    return chain.actuation.remembers(hypothesis.spread(hypothesis.theta[None], 1)) > 0.0
 
 
 def _order(found: Fit) -> Order:

@@ -125,7 +125,7 @@ def _remembers(problem: Problem, hypothesis: Hypothesis, index: int) -> bool:
     """Whether a term needs to know what was before."""
     alone = replace(hypothesis, terms=(hypothesis.terms[index],), declared=(hypothesis.declared[index],))
     chain = alone.chain(problem.simulator, problem.parameters, problem.dt)
-    return chain.remembers(alone.spread(alone.theta[None], 1)) > 0.0
+    return chain.actuation.remembers(alone.spread(alone.theta[None], 1)) > 0.0
 
 
 def _filtered(problem: Problem, states: FloatArray, action: int) -> FloatArray:
