@@ -35,9 +35,10 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does. paired: whether its starts go with those of
-    the parameter before it, one by one, and not with each of them. plausible: the sizes that machines have,
-    in its unit, None where nobody says so (see `gpsim.effects.plausible`).
+    place: whether it says where the effect acts, and not how much it does. exact: whether the recording itself says it,
+    to within the bounds, which are then no bounds of a search. paired: whether its starts go with those of the
+    parameter before it, one by one, and not with each of them. plausible: the sizes that machines have, in its unit,
+    None where nobody says so (see `gpsim.effects.plausible`).
     """
 
     name: str
@@ -50,6 +51,7 @@ class EffectParameter:
     step: float | None = None
     falls: bool = False
     place: bool = False
+    exact: bool = False
     plausible: tuple[float, float] | None = None
     paired: bool = False
 
@@ -114,7 +116,7 @@ class Place:
         """Where a channel's readings stand at an end: the recording itself says it, to a thousandth of their range."""
         low, high = self.visited or (self.middle - self.reach, self.middle + self.reach)
         end, near = high if highest else low, EXACT * max(high - low, 1e-9)
-        return EffectParameter(name, self.unit, end - near, end + near, (end,), near, place=True)
+        return EffectParameter(name, self.unit, end - near, end + near, (end,), near, place=True, exact=True)
 
     @property
     def rest_position(self) -> EffectParameter:

@@ -56,6 +56,9 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     much = share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
     if "left" in doubts or much or not (bent or measured or doubts):
         return "; the rest is unexplained: the corrected simulator helps, but is not complete"
+    strange = [effect_name(e) for e in headline if e.implausible]
+    if "implausible" in doubts and strange:
+        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
     if bent:
         law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
         verb = "holds" if len(bent) == 1 else "hold"
@@ -67,9 +70,6 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         return ", but a black-box model predicts much better: some physics is still missing"
     if "no claim" in doubts:
         return ", but each of them could be replaced by another effect"
-    strange = [effect_name(e) for e in headline if e.implausible]
-    if "implausible" in doubts and strange:
-        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
     vague = [effect_name(e) for e in headline if _held(e) or not sized(e.family, e.parameters)]
     return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
 

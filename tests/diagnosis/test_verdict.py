@@ -103,6 +103,14 @@ def test_an_account_that_makes_one_channel_worse_is_partial():
         assert verdict(judgement(), worth) == right
 
 
+def test_a_channel_counts_where_rollouts_stand_out_of_the_noise():
+    channels = {"x": Share(1.0, 1.0, 1.0), "y": Share(0.0, 0.0, 0.0)}
+    for counts, right in ((True, "partial"), (False, "named")):
+        worth = attribution(Share(0.985, 0.97, 0.99), counts)
+        worth.explained = replace(worth.explained, channels=channels)
+        assert verdict(judgement(), worth) == right
+
+
 def test_a_size_that_no_machine_has_is_not_named():
     worth = attribution(Share(0.97, 0.95, 0.98))
     usual = replace(hypothesis(("a",)), declared=((replace(GAIN, plausible=(0.5, 2.0)),),))

@@ -93,9 +93,14 @@ def _doubts(
 
 
 def _misses_a_channel(attribution: Attribution, settings: Settings) -> bool:
-    """Whether hardly anything of one channel's mismatch is explained, or its error grows, whatever the others say."""
+    """Whether hardly anything of one channel's mismatch is explained, or its error grows, whatever the others say.
+
+    Where none stands out of the noise in rollouts, a channel's excess may be the noise's own.
+    """
     channels = attribution.explained.channels.values()
-    return any(surely_below(share, settings.verdict.half) for share in channels)
+    return attribution.explained.counts and any(
+        surely_below(share, settings.verdict.half) for share in channels
+    )
 
 
 def foresees_more(box: BlackBox, settings: Settings) -> bool:

@@ -124,16 +124,19 @@ def _stand_ins(
     """Claims that can only stand in for what is there, whatever their curves say.
 
     A claim that is put together of several laws' pieces is one of which none is known. A parameter is one number: one
-    that differs in a region stands in for a law of that place. And beside much that surely has no name stands in for
-    some of it a parameter, and whatever is not several times as much: a law that is not in the catalogue leaves a good
-    part of itself to the nearest one that is.
+    that differs in a region stands in for a law of that place. A size that no machine of the kind has is not that law's
+    either. And beside much that surely has no name stands in for some of it a parameter, and whatever is not several
+    times as much: a law that is not in the catalogue leaves a good part of itself to the nearest one that is.
     """
-    claims, terms = {i for group in groups for i in group.terms}, judgement.leader.hypothesis.terms
+    found = judgement.leader.hypothesis
+    claims, terms = {i for group in groups for i in group.terms}, found.terms
     settings, share = question.run.settings, attribution.share
-    if judgement.leader.hypothesis.is_patchwork():
+    if found.is_patchwork():
         return claims
     nameless = misses(judgement, attribution, settings.verdict.nearly_all)
     left = 1.0 - (share.share if share.high is None else share.high)
     small = {i for i in claims if attribution.importance[i].share < OVER_NAMELESS * left}
     numbers = {i for i in claims if terms[i].effect.site == "parameter"}
-    return (small | numbers if nameless else set()) | {i for i in numbers if terms[i].gate.region}
+    patched = {i for i in numbers if terms[i].gate.region}
+    strange = {i for i in claims if found.times_beyond(i) >= settings.verdict.implausible}
+    return (small | numbers if nameless else set()) | patched | strange
