@@ -12,7 +12,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.size_prior import size_prior
 from gpsim.diagnosis.report import Odds, contradictions, no_size, sized
 from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.effects import EffectParameter, Term, own_name
+from gpsim.effects import EffectParameter, Place, Term, own_name
 from gpsim.recordings import joined
 from gpsim.reports.wording import implausible_text
 from gpsim.simulators import make_simulator
@@ -69,6 +69,27 @@ def test_a_size_that_no_machine_has_is_told_with_its_recording():
     assert implausible_text(alone) == implausible_text(both)
 
 
+def sizes_of(question, hypothesis):
+    """What is told of its only term, as it stands."""
+    problem = question.everything
+    starts = problem.windows.measured[:, 0]
+    residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+    variance = (residuals**2).mean(axis=(0, 1))
+    (sizes,) = estimates(question, Fit(hypothesis, starts, residuals, variance, 0.0, True), None, 0.0)
+    return sizes
+
+
+def test_an_end_that_the_readings_show_stopped_at_no_bound():
+    part = replace(record(World("cartpole"), seed=1, episodes=3, steps=80), held_out=None)
+    simulator = make_simulator("cartpole")
+    question = prepare(part, simulator, simulator.defaults(part.parameters))
+    end = Place("x", "m", visited=(-1.0, 1.0), stands=(False, True)).reading_end("high", highest=True)
+    searched = replace(end, exact=False, place=False)
+    for declared, held in ((end, False), (searched, True)):
+        term = Term("sensor_saturation", "x", {"high": end.high}, variant="upper")
+        assert sizes_of(question, Hypothesis((term,), ((declared,),)))["high"].at_bound == held
+
+
 def test_a_coefficient_is_told_beside_each_recordings_own_force():
     parts = [record(World("cartpole"), seed=seed, episodes=3, steps=80) for seed in (1, 2)]
     simulator = make_simulator("cartpole")
@@ -77,10 +98,6 @@ def test_a_coefficient_is_told_beside_each_recordings_own_force():
     force = EffectParameter("force", "N", 0.0, 10.0, (1.0,), 0.2)
     term = Term("coulomb_friction", "x", {"force": 1.0, "force@1": 2.0})
     hypothesis = Hypothesis((term,), ((force, replace(force, name="force@1")),))
-    problem = question.everything
-    starts = problem.windows.measured[:, 0]
-    residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
-    variance = (residuals**2).mean(axis=(0, 1))
-    (sizes,) = estimates(question, Fit(hypothesis, starts, residuals, variance, 0.0, True), None, 0.0)
+    sizes = sizes_of(question, hypothesis)
     assert set(sizes) == {"force", "force@1", "coefficient", "coefficient@1"}
     assert sizes["coefficient@1"].value == pytest.approx(2.0 * sizes["coefficient"].value, rel=0.05)
