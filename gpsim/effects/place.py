@@ -35,10 +35,10 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does. exact: whether the recording itself says it,
-    to within the bounds, which are then no bounds of a search. paired: whether its starts go with those of the
-    parameter before it, one by one, and not with each of them. plausible: the sizes that machines have, in its unit,
-    None where nobody says so (see `gpsim.effects.plausible`).
+    place: whether it says where the effect acts, and not how much it does. exact: the 90 % interval that the recording
+    itself gives, None where a fit does; its bounds are then none of a search. paired: whether its starts go with those
+    of the parameter before it, one by one, and not with each of them. plausible: the sizes that machines have, in its
+    unit, None where nobody says so (see `gpsim.effects.plausible`).
     """
 
     name: str
@@ -51,7 +51,7 @@ class EffectParameter:
     step: float | None = None
     falls: bool = False
     place: bool = False
-    exact: bool = False
+    exact: tuple[float, float] | None = None
     plausible: tuple[float, float] | None = None
     paired: bool = False
 
@@ -67,16 +67,17 @@ class Place:
 
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
-    positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a
-    channel went; edges: where something begins to push a coordinate back towards either end of that, None where
-    nothing does, nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a
-    channel trails the position or the speed that it goes with; silent: the least reading of a channel that has zeros
-    and nothing between; ripples: (period, phase) of what a scan over a coordinate's positions found; yields: (force,
-    way) of friction that a scan found to grow over a way after each reversal, where it did. speed: the typical speed
-    of a coordinate, or of the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known.
-    bounds: of a parameter, as shares of what is believed, or of a difference from it where that is what counts
-    (`additive`). inertia: what an action has to move, command over acceleration. centre: of a body, in its frame.
-    damping, friction: what the simulator itself has of a coordinate's, which may be less in truth.
+    positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a channel
+    went; edges: where something begins to push a coordinate back towards either end of that, None where nothing does,
+    nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a channel trails
+    the position or the speed that it goes with; silent: the least reading of a channel that has zeros and nothing
+    between, and how far apart such readings are; ripples: (period, phase) of what a scan over a coordinate's positions
+    found; yields: (force, way) of friction that a scan found to grow over a way after each reversal, where it did.
+    speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's step [s].
+    loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of a difference from it
+    where that is what counts (`additive`). inertia: what an action has to move, command over acceleration. centre: of
+    a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be less in
+    truth.
     """
 
     on: str
@@ -99,7 +100,7 @@ class Place:
     stands: tuple[bool, bool] = (True, True)
     trails: bool = True
     yields: tuple[float, float] | tuple[()] = ()
-    silent: float = 0.0
+    silent: tuple[float, float] | tuple[()] = ()
     ripples: tuple[tuple[float, float], ...] = ()
 
     @property
@@ -116,7 +117,8 @@ class Place:
         """Where a channel's readings stand at an end: the recording itself says it, to a thousandth of their range."""
         low, high = self.visited or (self.middle - self.reach, self.middle + self.reach)
         end, near = high if highest else low, EXACT * max(high - low, 1e-9)
-        return EffectParameter(name, self.unit, end - near, end + near, (end,), near, place=True, exact=True)
+        ends = end - near, end + near
+        return EffectParameter(name, self.unit, *ends, (end,), near, place=True, exact=ends)
 
     @property
     def rest_position(self) -> EffectParameter:

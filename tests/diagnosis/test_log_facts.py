@@ -91,6 +91,15 @@ def test_a_body_that_stands_still_for_a_while_repeats_nothing():
     assert not any(flags.any() for flags in flagged(logged(t, states, actions)))
 
 
+def test_what_a_sensor_reads_in_its_zone_or_at_its_end_repeats_nothing():
+    """A fast swing crosses a zone in two or three samples, which read 0."""
+    t, states, actions = swinging(count=2000)
+    states[:, 1] = np.where(np.abs(states[:, 1]) < 0.1, 0.0, np.minimum(states[:, 1], 1.99))
+    assert facts_of(logged(t, states, actions), "repeated") == {}
+    states[500] = states[499]  # a packet that is late says so still
+    assert facts_of(logged(t, states, actions), "repeated").keys() == {"q", "q_dot"}
+
+
 def test_marker_swaps_are_found_and_read_between_their_neighbours():
     t, states, actions = swinging()
     clean, wild = states.copy(), np.zeros(len(t), dtype=bool)

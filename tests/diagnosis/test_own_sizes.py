@@ -84,7 +84,7 @@ def test_an_end_that_the_readings_show_stopped_at_no_bound():
     simulator = make_simulator("cartpole")
     question = prepare(part, simulator, simulator.defaults(part.parameters))
     end = Place("x", "m", visited=(-1.0, 1.0), stands=(False, True)).reading_end("high", highest=True)
-    searched = replace(end, exact=False, place=False)
+    searched = replace(end, exact=None, place=False)
     for declared, held in ((end, False), (searched, True)):
         term = Term("sensor_saturation", "x", {"high": end.high}, variant="upper")
         assert sizes_of(question, Hypothesis((term,), ((declared,),)))["high"].at_bound == held

@@ -189,8 +189,21 @@ def test_readings_tell_a_range_and_a_dead_zone():
     assert stands(np.minimum(y, 0.8)) == (False, True)
     assert stands(np.clip(y, -0.7, 0.8)) == (True, True)
     assert stands(np.zeros(50)) == (False, False)
-    assert unread(y) == unread(np.round(y, 2)) == 0.0
-    assert 0.2 <= unread(np.where(np.abs(y) < 0.2, 0.0, y)) < 0.22
+    assert unread(y) == unread(np.round(y, 2)) == ()
+    least, apart = unread(np.where(np.abs(y) < 0.2, 0.0, y))
+    assert 0.2 <= least < 0.2 + 10 * apart < 0.22
+
+
+def test_readings_alone_tell_how_wide_a_dead_zone_is():
+    """Nine intervals of ten hold the width, of readings that come at random; noise comes before the zone."""
+    rng, held = np.random.default_rng(8), []
+    for width in rng.uniform(0.05, 0.3, 300):
+        y = rng.normal(0.0, 0.5, 1500)
+        place = Place("q_dot", "m/s", silent=unread(np.where(np.abs(y) < width, 0.0, y)))
+        (found,) = FAMILIES["sensor_dead_zone"].parameters(place)
+        held.append(found.exact[0] <= width <= found.exact[1])
+        assert found.low <= found.starts[0] <= found.high
+    assert 0.85 < np.mean(held) < 0.95
 
 
 def test_a_rollout_begins_in_no_reading_that_a_range_or_a_zone_hides():

@@ -65,12 +65,13 @@ def _intervals(problem: Problem, found: Fit, lack: LackOfFit | None, left: float
 
 def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:
     value, (low, high) = term.values[parameter.name], (float(edge) for edge in interval)
-    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
-    unseen = (
-        parameter.place and low <= parameter.low and parameter.high <= high
-    )  # as what lies across a planar arm
     usual = parameter.plausible if times_beyond(parameter, value) > 1.0 else None
-    return Estimate(value, low, high, parameter.unit, held and not (unseen or parameter.exact), usual)
+    if parameter.exact:
+        return Estimate(value, *parameter.exact, parameter.unit, usual=usual)
+    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
+    if parameter.place and low <= parameter.low and parameter.high <= high:
+        held = False  # where it is cannot be seen at all, as what lies across a planar arm
+    return Estimate(value, low, high, parameter.unit, held, usual)
 
 
 def _in_other_words(

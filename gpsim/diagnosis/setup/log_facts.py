@@ -18,6 +18,7 @@ from gpsim.channels import BoolArray, Channel, FloatArray, wrap_angle
 from gpsim.diagnosis.data import held_with, outliers, quantum, repeats, whole_packets
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings
+from gpsim.diagnosis.setup.readings import hiding
 from gpsim.recordings import Episode, Recording, gaps, pieces, steps_to_next
 
 CLOCK_JITTER = 0.01  # of the clock's step, by which steps must scatter to be uneven
@@ -91,11 +92,17 @@ def _samples(
         found = outliers(series, actions, step, _angle(channel), settings)
         for s, y, flags, out, old in zip(stretches, series, found, wild, stale, strict=True):
             out[:, i], old[:, i] = flags, repeats(s.t, y, step, settings)
+    hidden = hiding(recording)
     for s, old, out in zip(stretches, stale, wild, strict=True):
         together = old.any(axis=1) | whole_packets(s.t, s.states, settings)
         for i in range(len(grids)):
             old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0)
         out &= ~old  # in a steady motion what stands still leaps away, too
+        for flags in (
+            old,
+            out,
+        ):  # what a sensor does at its range's end, or in its zone, is no packet's fault
+            flags &= ~hidden[s.episode][s.rows]
     return stale, wild
 
 

@@ -27,13 +27,13 @@ def stands(readings: FloatArray) -> tuple[bool, bool]:
     return bool(many[0]), bool(many[1])
 
 
-def unread(readings: FloatArray) -> float:
-    """The least size of readings (N,) that are not 0, where many are 0 and none lies between; else 0."""
+def unread(readings: FloatArray) -> tuple[float, float] | tuple[()]:
+    """The least size of readings (N,) that are not 0, and the mean distance of small ones; nothing where few are 0."""
     sizes = np.unique(np.abs(readings))
     if len(sizes) < 3 or sizes[0] > 0.0 or (readings == 0.0).sum() < FEWEST:
-        return 0.0
-    usual = float(np.median(np.diff(sizes[1 : SMALL + 2])))
-    return float(sizes[1]) if sizes[1] > HOLLOW * usual else 0.0
+        return ()
+    apart = np.diff(sizes[1 : SMALL + 2])
+    return (float(sizes[1]), float(apart.mean())) if sizes[1] > HOLLOW * np.median(apart) else ()
 
 
 def telling(recording: Recording) -> list[BoolArray]:
@@ -41,9 +41,14 @@ def telling(recording: Recording) -> list[BoolArray]:
 
     A sensor that says 0 below some size, or no more than its range, hides where a rollout would begin.
     """
-    hides = [_hides(column) for column in np.concatenate([e.states for e in recording.episodes]).T]
+    return [np.asarray(~hidden.any(axis=1)) for hidden in hiding(recording)]
+
+
+def hiding(recording: Recording) -> list[BoolArray]:
+    """(K + 1, S) of each episode, which readings are those that a sensor gives for many true values."""
+    whats = [_hides(column) for column in np.concatenate([e.states for e in recording.episodes]).T]
     return [
-        ~np.any([hidden(y) for hidden, y in zip(hides, e.states.T, strict=True)], axis=0)
+        np.stack([hides(y) for hides, y in zip(whats, e.states.T, strict=True)], axis=1)
         for e in recording.episodes
     ]
 
@@ -53,7 +58,7 @@ def _hides(readings: FloatArray) -> Callable[[FloatArray], BoolArray]:
     lowest, highest = stands(readings)
     low = float(readings.min()) if lowest else -np.inf
     high = float(readings.max()) if highest else np.inf
-    silent = unread(readings) > 0.0
+    silent = bool(unread(readings))
     return lambda y: (y <= low) | (y >= high) | (silent & (y == 0.0))
 
 

@@ -14,6 +14,11 @@ import numpy as np
 from gpsim.effects.effect import FunctionOf, Law, SensorEffect
 from gpsim.effects.place import EffectParameter, Place
 
+FURTHEST = (
+    2.3  # times as far apart as readings are, that the least is from the edge: in nine of ten it is nearer
+)
+LIKELY = 0.7  # the same, of the median
+
 
 def silent(reading: Any, width: Any) -> Any:
     """The reading, 0 where it is small."""
@@ -31,14 +36,16 @@ class SensorDeadZone(SensorEffect):
     law: ClassVar[Law] = staticmethod(silent)
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Width [the channel's]: up to the smallest reading that is not 0."""
-        least = place.silent or 0.1 * place.span
-        return (
-            EffectParameter(
-                "width", place.unit, 0.0, 1.05 * least, (0.99 * least,), 0.3 * least, step=0.1 * least
-            ),
-        )
+        """Width [the channel's]: a little less than the smallest reading that is not 0, noise or not.
+
+        Where readings come at random the next one is exponentially far. A fit of simulations knows less: it does not
+        know where in the zone a window begins.
+        """
+        least, apart = place.silent or (0.1 * place.span, 0.01 * place.span)
+        low, likely = (max(least - times * apart, 0.0) for times in (FURTHEST, LIKELY))
+        known = low, least
+        return (EffectParameter("width", place.unit, *known, (likely,), apart, step=apart, exact=known),)
 
     def offers(self, place: Place, variant: str) -> bool:
         """Where small readings are missing."""
-        return variant == "" and place.silent > 0.0
+        return variant == "" and bool(place.silent)

@@ -281,13 +281,15 @@ def places_of(family: str, system: Any, velocities: str | None = "measured") -> 
         return []
     if word.by_command:
         return [DRIVEN[system.name]]
+    # A speed that is differentiated has no sensor of its own.
+    read = list(system.coordinates if velocities == "differentiated" else system.names)
     at = {
         "actuator": list(system.action),
         "commands": list(system.action),
         "coupling": list(system.action),
         "twist": ["vehicle"],
-        "sensor": list(system.names),
-        "past": list(system.names),
+        "sensor": read,
+        "past": read,
     }
     return at.get(word.site, list(system.coordinates))
 
