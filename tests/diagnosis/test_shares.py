@@ -38,6 +38,17 @@ def test_a_channel_counts_where_its_mismatch_stands_out_of_the_noise_in_most_dra
     assert mismatch(blocks, np.ones((12, 3)), times=0.0).counts.tolist() == [True, True, False]
 
 
+def test_a_draw_without_what_is_rare_says_nothing_of_it():
+    """An axis meets its stop in one block of ten: a third of the draws do not hold it."""
+    before = np.full((10, 1), 1.001)
+    before[4] = 1e4
+    of = mismatch(before, np.ones((10, 1)))
+    left = of.share(of.overall(np.full((10, 1), 1.002)))
+    assert left.low == pytest.approx(left.share) == pytest.approx(1.0, abs=1e-4)
+    worse = of.share(of.overall(np.where(before > 2.0, 2e4, 1.0)))  # the law is wrong where it matters
+    assert worse == Share(0.0, 0.0, 0.0)
+
+
 def test_a_channel_weighs_as_much_as_its_excess_in_units_of_its_own_spread():
     of = mismatch(np.tile([10.0, 1000.0], (9, 1)), np.zeros((9, 2)), scale=[1.0, 1000.0])
     left = np.tile([0.0, 1000.0], (9, 1))  # all of the one, nothing of the other

@@ -48,14 +48,22 @@ class Mismatch:
         before, floor = self.before.sum(axis=0), self.floor.sum(axis=0)
         excess = self.drawn @ (self.before - self.floor)
         sure = np.quantile(excess, LOW, axis=0) > 0
+        return np.asarray(self.seen & sure & self._stands_out(before, floor))
+
+    def _stands_out(self, before: FloatArray, floor: FloatArray) -> BoolArray:
+        """(..., S): of which sums of squares the base's are more than noise, or rounding, makes."""
         least = np.maximum(self.times**2 * floor, ROUNDING * self.scale)
-        return np.asarray(self.seen & sure & (before > np.maximum(least, TINY)))
+        return np.asarray(before > np.maximum(least, TINY))
 
     def by_channel(self, after: FloatArray) -> FloatArray:
-        """(..., 1 + D, S) clipped shares of an account's sums of squares (..., B, S); first those of all blocks."""
+        """(..., 1 + D, S) clipped shares of an account's sums of squares (..., B, S); first those of all blocks.
+
+        Where a draw holds no mismatch that stands out, as without the few moments in which an axis met its stop, it
+        tells nothing: what is explained there is as of all blocks.
+        """
         before, floor, left = (self.sums(sums) for sums in (self.before, self.floor, after))
-        excess = np.maximum(before - floor, TINY)
-        return np.asarray(np.clip(1.0 - (left - floor) / excess, 0.0, 1.0))
+        shares = np.clip(1.0 - (left - floor) / np.maximum(before - floor, TINY), 0.0, 1.0)
+        return np.asarray(np.where(self._stands_out(before, floor), shares, shares[..., :1, :]))
 
     def overall(self, after: FloatArray) -> FloatArray:
         """(..., 1 + D) the same over all channels that count."""
