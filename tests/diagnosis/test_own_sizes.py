@@ -90,6 +90,23 @@ def test_an_end_that_the_readings_show_stopped_at_no_bound():
         assert sizes_of(question, Hypothesis((term,), ((declared,),)))["high"].at_bound == held
 
 
+def test_a_law_that_is_simpler_stopped_at_no_bound():
+    """Friction without a peak at rest: its static force is 0; a gain that is 0 says that nothing is known."""
+    part = replace(record(World("cartpole"), seed=1, episodes=3, steps=80), held_out=None)
+    simulator = make_simulator("cartpole")
+    question = prepare(part, simulator, simulator.defaults(part.parameters))
+    force = EffectParameter("force", "N", 0.0, 10.0, (1.0,), 0.2)
+    peak = (
+        replace(force, name="static_force"),
+        EffectParameter("stribeck_velocity", "m/s", 0.01, 2.0, (0.1,), 0.1),
+    )
+    term = Term("stribeck_friction", "x", {"force": 1.0, "static_force": 0.0, "stribeck_velocity": 0.1})
+    sizes = sizes_of(question, Hypothesis((term,), ((force, *peak),)))
+    assert not any(size.at_bound for size in sizes.values())
+    alone = Term("viscous_friction", "x", {"damping": 0.0})
+    assert sizes_of(question, Hypothesis((alone,), ((replace(force, name="damping"),),)))["damping"].at_bound
+
+
 def test_a_coefficient_is_told_beside_each_recordings_own_force():
     parts = [record(World("cartpole"), seed=seed, episodes=3, steps=80) for seed in (1, 2)]
     simulator = make_simulator("cartpole")

@@ -68,7 +68,9 @@ def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> E
     usual = parameter.plausible if times_beyond(parameter, value) > 1.0 else None
     if parameter.exact:
         return Estimate(value, *parameter.exact, parameter.unit, usual=usual)
-    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
+    # Where one of several parameters does nothing the law is a simpler one, and no search was held back.
+    ends = [b for b in (parameter.low, parameter.high) if b != parameter.none or len(term.values) == 1]
+    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in ends)
     if parameter.place and low <= parameter.low and parameter.high <= high:
         held = False  # where it is cannot be seen at all, as what lies across a planar arm
     return Estimate(value, low, high, parameter.unit, held, usual)
