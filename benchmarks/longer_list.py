@@ -17,6 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from gpsim.recordings import read_recording
 from gpsim.trials.catalogue import WORDS
 
 GPSIM = Path(sys.executable).parent / "gpsim"
@@ -43,11 +44,13 @@ def main() -> None:
     parser.add_argument("recordings", type=Path)
     parser.add_argument("--at-most", type=int, default=12)
     given = parser.parse_args()
-    without = [f"diagnose.families.without=[{','.join(WORDS)}]"]
     ratios = []
     for turn, recording in enumerate(
         sorted(p for p in given.recordings.iterdir() if p.is_dir())[: given.at_most]
     ):
+        system = read_recording(recording).system
+        newer = ",".join(family for family, word in WORDS.items() if system in word.systems)
+        without = [f"diagnose.families.without=[{newer}]"]
         sides = [without, []] if turn % 2 else [[], without]
         first, second = (seconds(recording, words) for words in sides)
         longer, shorter = (second, first) if turn % 2 else (first, second)
