@@ -92,9 +92,7 @@ def run(request: Request, told: Told) -> Artifact:
     parents: dict[str, Artifact] = {"policy-0": policy}
     done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
     recording: Artifact | None = None
-    if (
-        request.config["collect"]["policy"] == SWEEP
-    ):  # no policy's drives hold commands as long as processes may need
+    if request.config["collect"]["policy"] == SWEEP:  # whose commands stand for as long as processes may need
         recording = parents["recording"] = _made(collect.STAGE, request, SWEEP, told)
     known: Plant | None = None
     stopped = f"all {rounds} rounds are done"

@@ -77,7 +77,7 @@ def many(question: Question, judgement: Judgement) -> bool:
 
 
 def simpler(leader: Hypothesis, other: Hypothesis, more: Share) -> bool:
-    """Whether another explanation has surely no less to say, by so many pieces less."""
+    """Whether another explanation, which surely explains more, does so with so many pieces less."""
     return more.low is not None and more.low > 0.0 and pieces(leader) - pieces(other) >= SIMPLER
 
 

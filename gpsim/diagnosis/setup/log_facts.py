@@ -98,11 +98,9 @@ def _samples(
         for i in range(len(grids)):
             old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0)
         out &= ~old  # in a steady motion what stands still leaps away, too
-        for flags in (
-            old,
-            out,
-        ):  # what a sensor does at its range's end, or in its zone, is no packet's fault
-            flags &= ~hidden[s.episode][s.rows]
+        # What a sensor does at its range's end, or in its zone, is no packet's fault.
+        old &= ~hidden[s.episode][s.rows]
+        out &= ~hidden[s.episode][s.rows]
     return stale, wild
 
 

@@ -14,10 +14,8 @@ import numpy as np
 from gpsim.effects.effect import FunctionOf, Law, SensorEffect
 from gpsim.effects.place import EffectParameter, Place
 
-FURTHEST = (
-    2.3  # times as far apart as readings are, that the least is from the edge: in nine of ten it is nearer
-)
-LIKELY = 0.7  # the same, of the median
+FURTHEST = 2.3  # times the distance of readings, within which nine of ten times the least is from the edge
+LIKELY = 0.7  # the same, within which it is half of the times
 
 
 def silent(reading: Any, width: Any) -> Any:
