@@ -17,6 +17,7 @@ from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term, effect_of
+from gpsim.effects.actuation import Actuation
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import ActuatorEffect
 from gpsim.effects.registry import FAMILIES
@@ -78,10 +79,10 @@ def test_whole_control_steps_lead_up_to_a_window_as_small_ones_do(monkeypatch, f
     first = candidate.term([p.starts[0] for p in candidate.declared])
     terms = (first,) if family == "actuator_lag" else (first, LAG)
     hypothesis = Hypothesis(terms, tuple(() for _ in terms))
-    assert hypothesis.chain(problem.simulator, problem.parameters, problem.dt).leaps
+    assert hypothesis.chain(problem.simulator, problem.parameters, problem.dt).actuation.leaps
     starts = problem.windows.measured[None, :, 0]
     leapt = problem.residuals(hypothesis, np.zeros((1, 0)), starts)
-    monkeypatch.setattr(Chain, "leaps", False)
+    monkeypatch.setattr(Actuation, "leaps", False)
     np.testing.assert_allclose(problem.residuals(hypothesis, np.zeros((1, 0)), starts), leapt, atol=1e-7)
 
 
@@ -96,7 +97,7 @@ def test_whole_control_steps_lead_up_to_a_window_as_small_ones_do(monkeypatch, f
 )
 def test_they_do_not_where_a_law_changes_within_a_step(terms):
     slider = make_simulator("slider")
-    assert not Chain(slider, slider.defaults(), terms, "fine", 0.02).leaps
+    assert not Chain(slider, slider.defaults(), terms, "fine", 0.02).actuation.leaps
 
 
 @pytest.mark.parametrize(("jitter", "gated"), [(0.0, False), (0.6, False), (0.6, True)])
