@@ -62,6 +62,12 @@ def mean_return(request: Request, policy: Artifact) -> float:
     return float(returns.mean())
 
 
+def trained_return(request: Request) -> float:
+    """What a policy earns that was trained in the corrected simulator."""
+    policy, _ = train_gp_policy.STAGE.make(request.having(correction="gp", prediction="mean"))
+    return mean_return(request, policy)
+
+
 def row(request: Request, strategy: str, data: list[Residuals], train: bool) -> list[str]:
     """Errors on each of `data`, and what the policy earns."""
     if strategy == "target":
@@ -77,8 +83,7 @@ def row(request: Request, strategy: str, data: list[Residuals], train: bool) -> 
     errors = [f"{100 * error(request, part):.2f} %" for part in data]
     if not train:
         return [*errors, "-"]
-    policy, _ = train_gp_policy.STAGE.make(request.having(correction="gp", prediction="mean"))
-    return [*errors, f"{mean_return(request, policy):.0f}"]
+    return [*errors, f"{trained_return(request):.0f}"]
 
 
 def words_of(strategy: str, count: int) -> list[str]:

@@ -18,7 +18,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import argparse
 import tempfile
 
-from active_collection import fresh, mean_return
+from active_collection import fresh, trained_return
 from gpsim.cli.configuration import resolve
 
 from gpsim.corrected import GpCorrection
@@ -76,7 +76,7 @@ def main() -> None:
                     print(f"| {noise:g} | {kind} | {seed} | {error} | - |", flush=True)
                     continue
                 said = ", ".join(f"{100 * e:.2f} %" for e in errors(request, data))
-                earned = f"{mean_return(request):.0f}" if given.train else "-"
+                earned = f"{trained_return(request):.0f}" if given.train else "-"
                 print(f"| {noise:g} | {kind} | {seed} | {said} | {earned} |", flush=True)
 
 
