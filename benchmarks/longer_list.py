@@ -1,7 +1,7 @@
 """What the newer families cost where they are not there: processor seconds with them on offer, over those without.
 
-    gpsim prove conceal --trials 12 --seed 77 --out runs/list
-    python benchmarks/longer_list.py runs/list/public [--at-most 12]
+    gpsim prove conceal --trials 14 --seed 77 --out runs/list
+    python benchmarks/longer_list.py runs/list/public [--at-most 9]
 
 Every recording is diagnosed twice by the same code on one core, one after the other, in turn which comes first.
 """
@@ -42,12 +42,10 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("recordings", type=Path)
-    parser.add_argument("--at-most", type=int, default=12)
+    parser.add_argument("--at-most", type=int, default=9)
     given = parser.parse_args()
-    ratios = []
-    for turn, recording in enumerate(
-        sorted(p for p in given.recordings.iterdir() if p.is_dir())[: given.at_most]
-    ):
+    recordings, ratios = sorted(p for p in given.recordings.iterdir() if p.is_dir()), []
+    for turn, recording in enumerate(recordings[: given.at_most]):
         system = read_recording(recording).system
         newer = ",".join(family for family, word in WORDS.items() if system in word.systems)
         without = [f"diagnose.families.without=[{newer}]"]

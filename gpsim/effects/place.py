@@ -35,10 +35,10 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does. exact: the 90 % interval that the recording
-    itself gives, None where a fit does; its bounds are then none of a search. paired: whether its starts go with those
-    of the parameter before it, one by one, and not with each of them. plausible: the sizes that machines have, in its
-    unit, None where nobody says so (see `gpsim.effects.plausible`).
+    place: whether it says where the effect acts, and not how much it does. plausible: the sizes that machines have, in
+    its unit, None where nobody says so (see `gpsim.effects.plausible`). paired: whether its starts go with those of the
+    parameter before it, one by one, and not with each of them. exact: the 90 % interval that the recording itself
+    gives, None where a fit does; its bounds are then none of a search.
     """
 
     name: str
@@ -51,9 +51,9 @@ class EffectParameter:
     step: float | None = None
     falls: bool = False
     place: bool = False
-    exact: tuple[float, float] | None = None
     plausible: tuple[float, float] | None = None
     paired: bool = False
+    exact: tuple[float, float] | None = None
 
 
 def longest_delay(dt: float) -> float:
