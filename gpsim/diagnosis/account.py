@@ -5,9 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import (
     Comparison,
     Sizes,
@@ -17,22 +14,19 @@ from gpsim.diagnosis.assessment import (
     depends_on,
     estimates,
     locate,
-    sums,
     tell_apart,
 )
-from gpsim.diagnosis.attribution import Attribution, fits_without
-from gpsim.diagnosis.fitting import Fit, Problem, gain
-from gpsim.diagnosis.judgement import Judgement, Laws, likeliest, odds_against
+from gpsim.diagnosis.fitting import Fit, Problem
+from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
 from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     BroughtFrom,
-    Curve,
     Diagnosis,
     Doubt,
+    Form,
     HeldOutFit,
     MeasuredCurve,
-    MissingLaw,
     NamedEffect,
     Remainder,
     RemainderGp,
@@ -42,6 +36,8 @@ from gpsim.diagnosis.report import (
 from gpsim.diagnosis.setup import Question, not_asked
 from gpsim.effects import Term, origins, owner_of
 from gpsim.residuals import held_out_names
+
+MOST_TOLD = 60  # hypotheses of the ranking
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class Answer:
     judgement: Judgement
     attribution: Attribution
     comparison: Comparison
-    laws: Laws
+    forms: tuple[Form, ...]
     sizes: Sizes
     doubts: tuple[Doubt, ...]
     curves: Mapping[tuple[str, str, str], MeasuredCurve] = field(default_factory=dict)
@@ -74,7 +70,6 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
         doubts=answer.doubts,
-        leads="likeliest" if likeliest(judgement.probabilities) else "simplest",
         effects=effects,
         alternatives=tuple(_rival(question, answer, i) for i in range(len(judgement.rivals))),
         tell_apart=None,
@@ -87,16 +82,9 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
-        curves=answer.laws.curves,
         not_asked=not_asked(question),
-        combinations=by_name(
-            [
-                *combinations(problem, leader, judgement.rivals),
-                *sums(question, leader.hypothesis, answer.sizes),
-            ],
-            names,
-        ),
-        ranking=tuple(ranked.entry for ranked in judgement.ranking),
+        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
+        ranking=tuple(tried.entry for tried in judgement.ranking[:MOST_TOLD]),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
         brought=_brought(judgement),
@@ -113,7 +101,7 @@ def _brought(judgement: Judgement) -> dict[str, BroughtFrom] | None:
 def _rival(question: Question, answer: Answer, index: int) -> Alternative:
     judgement = answer.judgement
     found, probability = judgement.rivals[index], judgement.probabilities[1 + index]
-    sizes = estimates(question, found, judgement.lack, 1.0 - answer.attribution.share.share)
+    sizes = estimates(question, found, 1.0 - answer.attribution.share.share)
     effects = _effects(question, answer, found, probability, sizes)
     told = zip(effects, found.hypothesis.terms, strict=True)
     return Alternative(
@@ -133,7 +121,7 @@ def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...])
 def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
     """The effects with what they are worth."""
     worth, terms = answer.attribution, answer.judgement.leader.hypothesis.terms
-    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.laws.forms, terms, strict=True)
+    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.forms, terms, strict=True)
     return tuple(
         replace(
             effect,
@@ -156,31 +144,16 @@ def _part(share: Share, term: Term) -> Share:
 
 def _remainder(problem: Problem, answer: Answer) -> Remainder:
     judgement, comparison = answer.judgement, answer.comparison
-    lack, shares = judgement.lack, comparison.shares
+    shares = comparison.shares
     least = min(shares, key=lambda name: shares[name].share, default=None)
     return Remainder(
         judgement.structured,
         tuple(_remaining(problem, comparison)) if judgement.structured else (),
         judgement.p_value,
-        _missing_law(judgement, answer.laws.missing),
+        None,
         _gp(comparison, judgement.leader),
         None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
-        lack.rate if lack is not None and lack.significant else least,
-    )
-
-
-def _missing_law(judgement: Judgement, curve: Curve | None) -> MissingLaw | None:
-    """Which smooth law of which rate would explain more, whether chance could have done it."""
-    lack = judgement.lack
-    if lack is None:
-        return None
-    return MissingLaw(
-        rate=lack.rate,
-        on=tuple(lack.on),
-        memory=lack.memory,
-        nats=round(lack.nats, 2),
-        p_value=lack.p_value,
-        curve=curve,
+        least,
     )
 
 
@@ -208,8 +181,8 @@ def _effects(
     if not found.hypothesis.terms:
         return ()
     names = [source.name for source in question.recording.sources]
-    lesser, out = fits_without(problem, found, judgement.null), []
-    for term, known, without in zip(found.hypothesis.terms, sizes, lesser, strict=True):
+    leads, out = found is judgement.leader, []
+    for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
         parameters, own = parted(known, names)
         alone = bool(own) and not any(owner_of(name) is None for name in known)
         out.append(
@@ -224,18 +197,11 @@ def _effects(
                 acts_in=acts_in(problem, term) if term.gate else None,
                 probability=probability,
                 odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
-                evidence_gain=gain(problem, found, without),
-                explains=_share(judgement.noise, found, without, problem.observed),
+                evidence_gain=judgement.gains[i] if leads else 0.0,
+                explains=answer.attribution.importance[i].share if leads else 0.0,
                 recordings=tuple(own) if alone else None,
                 own=own or None,
                 curve=answer.curves.get((term.family, term.on, term.variant)),
             )
         )
     return tuple(out)
-
-
-def _share(noise: FloatArray, found: Fit, without: Fit, observed: BoolArray) -> float:
-    """The largest share of a channel's excess over noise that the term takes away."""
-    excess = np.maximum(without.variance - noise**2, 1e-300)
-    share = (without.variance - np.maximum(found.variance, noise**2)) / excess
-    return float(np.clip(share[observed & (without.variance > 1.05 * noise**2)], 0.0, 1.0).max(initial=0.0))

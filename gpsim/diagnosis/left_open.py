@@ -15,8 +15,8 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.corrected import Drawable, EffectsPlant, PosteriorPlant, Size, Spread
 from gpsim.diagnosis.assessment import covariance
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, correlation_time, mean_squares
-from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, mean_squares
+from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.report import Diagnosis, NamedEffect
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Term, base_name, own_name, owner_of
@@ -153,7 +153,7 @@ def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis)
         _explanation(problem, fit, probability, effects, names)
         for fit, probability, effects in zip(fits, judgement.probabilities, told, strict=True)
     )
-    tau = np.maximum(correlation_time(problem, judgement.leader.residuals), 1.0) * question.thinned
+    tau = judgement.leader.noise.times * question.thinned
     noise = judgement.noise * np.sqrt(tau)
     left = np.sqrt(mean_squares(problem, judgement.leader.residuals))
     seen = [

@@ -2,7 +2,7 @@
 
 from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
 from gpsim.diagnosis.assessment.by_recording import by_recording
-from gpsim.diagnosis.assessment.combinations import combinations, sums
+from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import Comparison, compare
 from gpsim.diagnosis.assessment.estimates import Sizes, estimates
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
@@ -42,7 +42,6 @@ __all__ = [
     "posed",
     "replayed",
     "score",
-    "sums",
     "tell_apart",
     "traces",
     "with_model_error",

@@ -17,6 +17,7 @@ from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording
 
+AT_ONCE = 2000  # windows that are simulated together: memory, no answer
 NAMES = {"before": "base", "after": "corrected", "after_gp": "corrected_gp"}
 
 
@@ -113,5 +114,5 @@ def _windows(question: Question, recording: Recording, length: int) -> Iterator[
     """The whole recording, as a model completes it, in rollouts, some at a time."""
     settings = question.everything.run.settings.windows
     windows = cut(recording, settings, length)
-    for first in range(0, len(windows), settings.at_once):
-        yield windows.take(np.arange(first, min(first + settings.at_once, len(windows))))
+    for first in range(0, len(windows), AT_ONCE):
+        yield windows.take(np.arange(first, min(first + AT_ONCE, len(windows))))

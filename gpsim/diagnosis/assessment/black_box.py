@@ -1,13 +1,13 @@
 """What could be predicted: the account's held-out rollouts beside those of models that name nothing.
 
 A share of the base's error says little where the base is far off: 99.8 % of it goes with a law that is merely near. A
-Gaussian process alone, one beside the account, and a free curve in the place of a site's laws show how much of the
+Gaussian process alone, and one beside the account, show how much of the
 error that is left anything could have foreseen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment.remainder_gp import TINY, Learnt
 from gpsim.diagnosis.assessment.rollouts import Model
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.form import FreeCurve
 from gpsim.diagnosis.report import BlackBox, BoxKind, Share
 
 STANDS_OUT = 1.5
@@ -50,18 +49,13 @@ def boxes_of(
     after: Hypothesis,
     alone: Learnt | None,
     beside: Learnt | None,
-    curves: Sequence[FreeCurve],
 ) -> dict[str, Box]:
-    """Name -> box. alone, beside: Gaussian processes on what the base and the account leave; curves: one a site."""
+    """Name -> box. alone, beside: Gaussian processes on what the base and the account leave."""
     found = {}
     if alone is not None:
         found["box_gp"] = Box("gp", Model(base, alone.rates))
     if beside is not None:
         found["box_after_gp"] = Box("after_gp", Model(after, beside.rates))
-    for i, curve in enumerate(curves):
-        shown = curve.curve
-        on = (shown.input, *([curve.further] if curve.further else []))
-        found[f"box_curve_{i}"] = Box("curve", Model(curve.hypothesis, like=after), shown.quantity, on)
     return found
 
 

@@ -9,10 +9,9 @@ import numpy as np
 
 from gpsim.channels import IntArray
 from gpsim.diagnosis.assessment.rollouts import Model, rolled, whole_windows
-from gpsim.diagnosis.attribution import SEED, Attribution, RolloutJudge, draws, judge_at, rollouts_in
 from gpsim.diagnosis.data import Windows, rms
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
-from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.judging import SEED, Attribution, Judgement, RolloutJudge, draws, judge_at, rollouts_in
 from gpsim.diagnosis.report import (
     EndErrors,
     Estimate,
@@ -22,12 +21,12 @@ from gpsim.diagnosis.report import (
     OwnValues,
     Share,
 )
-from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.effects import base_name, owner_of
 from gpsim.recordings import apart
 from gpsim.residuals import held_out_names
 
+REFIT = 8  # rounds of the fit to the others
 FEWEST = 3  # recordings, of which each is left out once
 
 
@@ -77,7 +76,7 @@ def _explained(question: Question, attribution: Attribution, place: int) -> Shar
     if not len(rows):
         return None
     mismatch = judge.mismatch
-    drawn = draws(len(rows), mismatch.settings.draws, np.random.default_rng(SEED))
+    drawn = draws(len(rows), question.run.settings.rollouts.draws, np.random.default_rng(SEED))
     part = replace(mismatch, before=mismatch.before[rows], floor=mismatch.floor[rows], drawn=drawn)
     return part.share(part.overall(attribution.squares[rows])) if part.counts.any() else None
 
@@ -121,7 +120,7 @@ def _from_others(
     judge = attribution.judge
     if count < FEWEST or not leader.hypothesis.terms or not isinstance(judge, RolloutJudge):
         return None
-    if len(others) < question.run.settings.prepare.fewest:
+    if len(others) < question.run.settings.windows.fewest:
         return None
     part = question.everything.on(question.everything.windows.take(others))
     learnt = _learnt(part, leader, place, count, others)
@@ -141,7 +140,7 @@ def _from_others(
 def _learnt(part: Problem, leader: Fit, place: int, count: int, others: IntArray) -> Fit:
     """The leader fitted to other recordings, as it would act in the one that is left out."""
     account = leader.hypothesis
-    found = fit(part, account, leader.starts[others], iterations=schedules.REFIT, near=True)
+    found = fit(part, account, leader.starts[others], REFIT)
     return replace(found, hypothesis=_expected(found.hypothesis, place, count))
 
 

@@ -8,7 +8,7 @@ that only their ratio is known.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 
@@ -18,11 +18,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtrit
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.assessment.estimates import Sizes
 from gpsim.diagnosis.assessment.intervals import informed
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
-from gpsim.diagnosis.report import Combination, Estimate
-from gpsim.diagnosis.setup import Alike, Question, alike, offers_of
+from gpsim.diagnosis.report import Combination
 
 WIDE = 0.2
 """Standard deviation of a parameter's logarithm that leaves it open: its interval is a third to either side (a cart-
@@ -65,32 +63,6 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
                 found.hypothesis, logs[members], simple(powers, SIMPLE_EXPONENT), half * deviation
             )
         )
-    )
-
-
-def sums(question: Question, leader: Hypothesis, sizes: Sizes) -> list[Combination]:
-    """Of a robot each rotor, body or gain that is told beside another that would do as well: only their sum shows."""
-    found = alike(question.everything, question.recording, leader, offers_of(question))
-    return [_sum(leader, one, sizes[one.told]) for one in found]
-
-
-def _sum(leader: Hypothesis, one: Alike, sizes: Mapping[str, Estimate]) -> Combination:
-    term, declared, other = leader.terms[one.told], leader.declared[one.told][0], one.other.declared[0]
-    told, off = sizes[declared.name], float(term.values[declared.name]) - declared.none
-    low, high = (None if edge is None else edge - declared.none for edge in (told.low, told.high))
-    return Combination(
-        of=(
-            f"{term.family} on {term.on}: {declared.name}",
-            f"{' on '.join(one.other.identity)}: {other.name}",
-        ),
-        fixed="",
-        open="",
-        value=off,
-        low=low,
-        high=high,
-        unit=declared.unit,
-        weights=(1.0, off / one.size),
-        neutral=(declared.none, other.none),
     )
 
 

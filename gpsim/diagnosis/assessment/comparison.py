@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,18 +26,15 @@ from gpsim.diagnosis.assessment.remainder_gp import (
 from gpsim.diagnosis.assessment.rollouts import Model, drifts, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
-from gpsim.diagnosis.form import FreeCurve
-from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.judging import Attribution, Judgement
 from gpsim.diagnosis.report import BlackBox, Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
-from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
-from gpsim.effects import ParameterEffect, closed, effect_of
+from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
 
 STEPS_LOOKED_AT = 20_000  # transitions evenly spread, from which these are taken
-TUNED_ITERATIONS = 15  # of the fit of the base simulator's own parameters
-TUNED_TOLERANCE = 0.5  # a step that gains less ends that fit [nats]
-BASE_ITERATIONS = 8  # of the fit of start states that it has to beat
+TUNED_ROUNDS = 6  # of the fit of the base simulator's own parameters
+TUNED_GAIN = 0.02  # of the base's misfit, that tuning must take off to be told
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 
@@ -82,18 +79,13 @@ class _Steps:
 def compare(
     question: Question,
     judgement: Judgement,
+    attribution: Attribution,
     offers: list[Candidate],
     rng: np.random.Generator,
-    noise: FloatArray,
-    partial: bool = False,
-    curves: Sequence[FreeCurve] = (),
 ) -> Comparison:
-    """Fit what has to be fitted on training data, and judge all of it on held-out data.
-
-    noise: (S,) of the sensors; partial: whether the leader explains a part of the mismatch only; curves: free ones in
-    the place of its laws.
-    """
-    problem = question.everything
+    """Fit what has to be fitted on training data, and judge all of it on held-out data."""
+    problem, noise = question.everything, attribution.noise
+    partial = attribution.share.share < question.run.settings.verdict.nearly_all
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
@@ -121,7 +113,7 @@ def compare(
         test = steps[kind].test
         rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
-    boxes = boxes_of(base, after, alone, beside, curves) if judgement.structured else {}
+    boxes = boxes_of(base, after, alone, beside) if judgement.structured else {}
     models = {
         **{name: box.model for name, box in boxes.items()},
         "before": Model(base),
@@ -250,7 +242,7 @@ def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)
-    most = settings.comparison.steps
+    most = settings.gp.steps
     return _Steps(_some(train, most), _some(test, most))
 
 
@@ -272,14 +264,10 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
             tuned = tuned.plus(believed, candidate.declared)
     if not tuned.terms:
         return base
-    problem, settings = question.searched, question.searched.run.settings
-    start = problem.windows.measured[:, 0]
-    count = schedules.GLANCE if closed(problem.simulator) is not None else TUNED_ITERATIONS
-    found = fit(problem, tuned, start, iterations=count, tolerance=TUNED_TOLERANCE)
-    plain = fit(problem, base, start, iterations=BASE_ITERATIONS)
-    share = 1.0 - found.variance / plain.variance
-    good = share[problem.observed] > settings.acceptance.good_share
-    return found.hypothesis if bool(good.any()) else base
+    problem = question.searched
+    plain = fit(problem, base, rounds=TUNED_ROUNDS)
+    found = fit(problem, tuned, plain.starts, TUNED_ROUNDS, plain.noise)
+    return found.hypothesis if found.cost < (1.0 - TUNED_GAIN) * plain.cost else base
 
 
 def _noise_rates(

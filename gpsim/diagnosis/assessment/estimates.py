@@ -12,7 +12,6 @@ from gpsim.diagnosis.assessment.intervals import intervals
 from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.report import Estimate
-from gpsim.diagnosis.selection import LackOfFit
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import (
     RISE,
@@ -31,12 +30,12 @@ Sizes = tuple[Mapping[str, Estimate], ...]
 """Of every term its parameters by name."""
 
 
-def estimates(question: Question, found: Fit, lack: LackOfFit | None, left: float) -> Sizes:
-    """Of every term of an explanation. lack: the law that is missing beside it; left: of the mismatch what is left.
+def estimates(question: Question, found: Fit, left: float) -> Sizes:
+    """Of every term of an explanation. left: of the mismatch what is left.
 
     What is one recording's own is told apart by its parameter's name (see `gpsim.effects.own`).
     """
-    bounds = _intervals(question.everything, found, lack, left)
+    bounds = _intervals(question.everything, found, left)
     out, at = [], 0
     for term, declared in zip(found.hypothesis.terms, found.hypothesis.declared, strict=True):
         sizes = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
@@ -48,10 +47,10 @@ def estimates(question: Question, found: Fit, lack: LackOfFit | None, left: floa
     return tuple(out)
 
 
-def _intervals(problem: Problem, found: Fit, lack: LackOfFit | None, left: float) -> FloatArray:
+def _intervals(problem: Problem, found: Fit, left: float) -> FloatArray:
     """(P, 2): what the data know of each parameter, less what physics without a name may have done to it."""
     bounds, settings = intervals(problem, found), problem.run.settings.intervals
-    if not found.hypothesis.terms or lack is None or not lack.significant:
+    if not found.hypothesis.terms:
         return bounds
     error = model_error(left, settings)
     out, at = [], 0

@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem
-from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
 
@@ -21,6 +21,7 @@ LARGE_QUANTILE = 0.95  # quantile of an action's sizes that is a large command
 AT_REST = 0.01  # of an action's largest command: where the large one is less, those at rest do not count
 FAST_PERIOD = 10  # of the fast wave [control steps]
 STEPS_HELD = 5  # for which a random level is held [control steps]
+SECONDS = 3.0  # of an excitation
 VISIBLE = 1.0  # of the noise: a smaller difference nobody could see [standard deviations]
 
 AFTERWARDS = 2**31  # number of an episode that comes after all others, no threshold
@@ -75,8 +76,7 @@ def _advice(
 
 def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
     """What they are, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
-    settings = problem.run.settings.experiment_design
-    steps = int(np.clip(settings.seconds / problem.dt, FEWEST_STEPS, MOST_STEPS))
+    steps = int(np.clip(SECONDS / problem.dt, FEWEST_STEPS, MOST_STEPS))
     t = problem.dt * np.arange(steps)
     span = _amplitudes(problem.windows)
     offset = np.median(problem.windows.actions, axis=(0, 1))

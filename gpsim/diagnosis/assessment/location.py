@@ -10,7 +10,7 @@ from gpsim.channels import FloatArray, wrap_angle
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.data import TYPICAL
-from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.report import Concentration, Location, Verdict
 from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator

@@ -55,7 +55,7 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
 
     What the hypothesis's sensors make of them the corrected simulator says by itself.
     """
-    gp, rows = problem.run.settings.remainder_gp, np.zeros(len(train), dtype=np.bool_)
+    gp, rows = problem.run.settings.gp, np.zeros(len(train), dtype=np.bool_)
     count = min(gp.rows, max(2, int(MOST_SHARE * len(train))))
     rows[rng.permutation(len(train))[:count]] = True
     chosen = train.take(rows)

@@ -29,7 +29,7 @@ def replayed(
     everywhere = np.ones(size, dtype=np.bool_)
     scale = np.maximum(windows.measured.std(axis=(0, 1)), 1e-9)
     problem = Problem(
-        plant.simulator, plant.parameters, plant.dt, windows, everywhere, nothing, ~everywhere, scale, nothing,
+        plant.simulator, plant.parameters, plant.dt, windows, everywhere, nothing, ~everywhere, scale,
         plant.substeps, run=run,
     )  # fmt: skip
     hypothesis = Hypothesis(plant.terms, tuple(() for _ in plant.terms), plant.scheme)

@@ -55,7 +55,7 @@ def drifts(
         if not len(windows):
             return Drifts(length * dt, {})
         calls.append((problem, windows, model.hypothesis, model.extra))
-    ends = question.everything.run.side_by_side(_ends, calls)
+    ends = [_ends(*call) for call in calls]
     errors = {
         kind: difference(call[1].measured[:, -1], end, problem.simulator.state)
         for kind, call, end in zip(models, calls, ends, strict=True)

@@ -13,12 +13,11 @@ from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before
 from gpsim.diagnosis.assessment.comparison import shown_rates, steps_of
 from gpsim.diagnosis.assessment.remainder_gp import measured_rates, residual_rates
 from gpsim.diagnosis.assessment.rollouts import Model, rolled, whole_windows
-from gpsim.diagnosis.attribution import explained_by
 from gpsim.diagnosis.data import rms
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit
+from gpsim.diagnosis.judging import explained_by
 from gpsim.diagnosis.report import Explained, Ratio, Score, Scored
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Completions, Question, prepare
 from gpsim.effects import closed
 from gpsim.errors import UsageError
@@ -81,9 +80,8 @@ def _explained(judged: Judged) -> Explained | None:
     )
     if not after.terms:
         return None
-    starts = problem.windows.measured[:, 0]
     null = replace(base, scheme=after.scheme)
-    leader, bare = (fit(problem, h.frozen(), starts, iterations=schedules.SETTLE) for h in (after, null))
+    leader, bare = (fit(problem, h.frozen()) for h in (after, null))
     return explained_by(judged.question, leader, bare)
 
 

@@ -17,6 +17,7 @@ from gpsim.diagnosis.setup import Question, completed, smoothed
 from gpsim.effects import PRE_ROLL
 from gpsim.recordings import Episode, HeldOut, Recording, evenly
 
+MOST_CUT = 6000  # windows that are cut, evenly spread
 STRETCHES = 40  # held out, among which the worst and the median are looked for
 MOST_ROLLOUTS = 12  # rollouts of a stretch; a longer one is shown in parts
 MOST_ROLLOUTS_ALONE = 4  # rollouts of a part where that would be the only stretch
@@ -131,7 +132,7 @@ def course(question: Question, leader: Hypothesis) -> Course:
 def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
     """Held-out episodes, or what is held out of them, in parts of so many rollouts at most, evenly spread."""
     recording, settings = question.recording, question.everything.run.settings
-    windows = cut(recording, settings.windows, length, most=settings.prepare.cut)
+    windows = cut(recording, settings.windows, length, most=MOST_CUT)
     held = held_out_mask(recording, windows)
     some = windows.take(held if held.any() else ~held)
     rests = []

@@ -7,19 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.settings import DecimationSettings
 from gpsim.recordings import Episode, Recording
 
 KEPT_SHARE = 0.99  # of every action's variance, that the means over skipped samples must keep
 
 
-def thinned(recording: Recording, settings: DecimationSettings) -> tuple[Recording, int]:
+def thinned(recording: Recording, pace: float) -> tuple[Recording, int]:
     """Every k-th sample and the mean action over each block of k, and k; 1 where nothing was thinned.
 
     k is about pace / dt, less where commands change so fast that their means would hide them. What is left of an
     episode after its last whole block is left out.
     """
-    most = round(settings.pace / recording.dt)
+    most = round(pace / recording.dt)
     longest = max(len(episode) for episode in recording.episodes)
     for k in range(min(most, longest), 1, -1):
         if _share_kept(recording, k) >= KEPT_SHARE:

@@ -17,6 +17,7 @@ from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 from gpsim.residuals import first_held_out
 
+AT_ONCE = 2000  # windows that are completed together, however long a recording is: memory, no answer
 LEAST_PART_OF_A_WINDOW = 3  # a shorter piece than one in so many parts of a window is left out
 FEWEST_TRANSITIONS_OF_A_WINDOW = 3
 """And one with fewer than these, unless windows are as short [transitions]."""
@@ -141,7 +142,7 @@ def cut(
 
 def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
     """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
-    places, size = _places(recording, settings.length), settings.at_once
+    places, size = _places(recording, settings.length), AT_ONCE
     for first in range(0, len(places), size):
         yield _cut_at(recording, places[first : first + size], settings.length)
 

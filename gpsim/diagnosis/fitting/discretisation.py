@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.gauss_newton import STATE_STEP
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.shooting import STATE_STEP, Fit, fit
 from gpsim.effects import ClosedStep, closed
 
 USUAL_SUBSTEP = 0.0125
@@ -21,10 +20,6 @@ ERROR_MARGIN = 2.0
 """On the change when the substep is halved (a third-order scheme's error is 8/7 of that change, 4/3 where friction
 stops a body)."""
 ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
-FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
-FINER_SHARE = 0.01
-"""Of the variance left over, that it must take off where steps are dear: half of what a term must."""
-FINER_ITERATIONS = 8  # of a fit on a finer grid
 COARSER_STEPS = (20, 10, 5, 4, 3, 2, 1)
 """Times as long as its own the steps may be in which slopes are found, the cheapest that will do."""
 TOLERATED_BY_COARSER = 0.03
@@ -43,17 +38,20 @@ by a millimetre where stiff servos move light links, and hides all that encoders
 COST_OF_EXACT = 4.0  # steps of its own that such a step costs (Runge and Kutta's four stages)
 
 
+DRY_FINER = (1, 3, 6)  # times as many steps where dry friction acts, the first that will do
+
+
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
 
     The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
     windows that look alike: what it could pass off as physics must stay below the floor.
     """
-    start = problem.windows.measured[:, 0]
-    null = at or fit(problem, Hypothesis(), start, iterations=ERROR_ITERATIONS)
+    null = at or fit(problem, Hypothesis(), rounds=ERROR_ITERATIONS)
     finer = replace(problem, substeps=2 * problem.substeps)
-    theta = null.hypothesis.theta[None]
-    change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
+    theta, starts = null.hypothesis.theta[None], null.starts[None]
+    one, other = (p.residuals(null.hypothesis, theta, starts)[0] for p in (problem, finer))
+    change = other - one
     return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
@@ -65,8 +63,7 @@ def inexact(problem: Problem, likely: Callable[[], Hypothesis]) -> FloatArray:
     error = numerical_error(problem)
     if (error <= _tolerated(problem))[problem.observed].all():
         return error
-    start = problem.windows.measured[:, 0]
-    at = fit(problem, likely().frozen(), start, iterations=ERROR_ITERATIONS)
+    at = fit(problem, likely().frozen(), rounds=ERROR_ITERATIONS)
     return np.minimum(error, numerical_error(problem, at))
 
 
@@ -96,14 +93,12 @@ def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> t
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
     tolerated = _tolerated(problem)
     best, least = problem, np.inf
-    theta = hypothesis.theta[None]
-    at = fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
+    at = fit(problem, hypothesis.frozen(), rounds=ERROR_ITERATIONS)
     exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         tried = replace(problem, simulator=simulator, substeps=steps)
-        residuals = tried.residuals(hypothesis, theta, at.starts[None])[0]
-        found = replace(at, hypothesis=hypothesis, residuals=residuals)
+        found = replace(at, hypothesis=hypothesis)
         off = float((numerical_error(tried, found) / tolerated)[problem.observed].max())
         if off < least:
             best, least = tried, off
@@ -149,11 +144,10 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     Friction stops a body at the end of a step, wherever in the step that was: what is left over is of first order, and
     would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
     """
-    settings = problem.run.settings.closed_step
     tolerated = np.maximum(TOLERATED_DRY_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
     counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
-    choices = sorted(set(settings.dry_finer))
+    choices = sorted(set(DRY_FINER))
     for times in choices:
         got = replace(problem, dry_steps={on: times}).residuals(rubbing, theta, starts)[0]
         if last is not None:
@@ -182,49 +176,3 @@ def growth(problem: Problem, hypothesis: Hypothesis) -> FloatArray:
     out = np.ones(valid.shape[1])
     out[lasts] = np.nanmedian(np.where(valid, apart, np.nan)[:, lasts], axis=0)
     return out
-
-
-def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
-    """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
-
-    What a coarse grid leaves over would pass for physics: a late command that changes inside a substep, say, of a
-    vehicle that turns no tighter than so. With the fit on the last grid.
-    """
-    system = closed(problem.simulator)
-    if system is not None and system.own_grid:  # its step is a part of what is believed
-        return problem.substeps, best
-    substeps, at, least = problem.substeps, best, FINER_GAIN
-    if system is not None:
-        least = max(least, FINER_SHARE * float(problem.counts.sum()) / 2)
-    while at.hypothesis.scheme == "fine" and substeps < problem.most_finer * problem.substeps:
-        grid = replace(problem, substeps=2 * substeps)
-        if system is not None and abs(_as_it_is(grid, at) - at.objective) < least:
-            break  # steps are dear
-        finer = fit(grid, at.hypothesis, at.starts, iterations=FINER_ITERATIONS, near=True)
-        if finer.objective > at.objective - least:
-            break
-        substeps, at = 2 * substeps, finer
-    return substeps, at
-
-
-def _as_it_is(problem: Problem, at: Fit) -> float:
-    """The objective of a fit in the problem's steps, nothing adapted."""
-    return fit(problem, at.hypothesis.frozen(), at.starts, iterations=0).objective
-
-
-def settled(problem: Problem, best: Fit) -> Problem:
-    """The problem with a floor that holds the best hypothesis's numerical error, which may be more than the base's.
-
-    Friction that stops and starts a body is where a step is least exact.
-    """
-    if best.hypothesis.scheme != "fine":
-        return problem
-    error = np.hypot(problem.floor * problem.stated, numerical_error(problem, best))
-    return replace(problem, floor=np.maximum(problem.floor, error))
-
-
-def rescored(problem: Problem, at: Fit) -> Fit:
-    """A fit under another floor."""
-    return replace(
-        at, variance=variance_of(problem, at.residuals), objective=objective(problem, at.residuals)
-    )

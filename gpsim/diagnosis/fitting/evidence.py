@@ -1,9 +1,4 @@
-"""Evidence: what a hypothesis gains over another on the same windows, honest about correlated samples.
-
-The log likelihood's gain counts effective samples only: n / tau with tau the integrated autocorrelation time of the
-residual under the *richer* hypothesis (Sokal 1997). A right one leaves white noise (tau = 1); a wrong one leaves
-structure, and earns little. The price of a parameter is the BIC's (Schwarz 1978), half the log of that number.
-"""
+"""Whether a residual is white: what chance leaves, and what it does not."""
 
 from __future__ import annotations
 
@@ -11,20 +6,14 @@ import numpy as np
 from scipy.special import stdtr
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
-from gpsim.diagnosis.fitting.joint_rows import FREE_ROW, free
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.problem import Problem, mean_squares
-from gpsim.diagnosis.fitting.size_prior import size_prior
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.shooting import Fit, Shooting
 
 LONGEST_LAG = 12  # up to which a residual's autocorrelation is summed [samples]
-PARAMETERS_OF_A_GATE = 2  # parameters that a gate is paid as (it has two edges)
 WHITENESS_LAGS = 3  # lags at which a white residual must not be correlated [samples]
 AT_FLOOR = 1.01  # times the floor (known noise, numerical error): a residual that small is white
 PROJECTED_WINDOWS = 60
 """Over which the share is averaged that fitting start states takes off white noise [windows]."""
-
-RULED_OUT = 1e9  # nats that a hypothesis is behind for each effect that the user requires and it lacks
 
 
 def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = None) -> FloatArray:
@@ -46,59 +35,6 @@ def correlation_time(problem: Problem, residual: FloatArray) -> FloatArray:
     rho = autocorrelation(problem, residual)
     positive = np.cumprod(rho > 0, axis=1)
     return np.asarray(1.0 + 2.0 * (rho * positive).sum(axis=1))
-
-
-def channel_objectives(problem: Problem, fit: Fit) -> FloatArray:
-    """(S,) negative log likelihood of each channel, 0 where nothing was observed."""
-    square = mean_squares(problem, fit.residuals)
-    terms = problem.counts / 2 * (np.log(fit.variance) + square / fit.variance)
-    return np.asarray(np.where(problem.observed, terms, 0.0))
-
-
-def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
-    """Nats by which the richer hypothesis wins, its additional parameters and what is unusual of its sizes paid."""
-    tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
-    difference = channel_objectives(problem, poorer) - channel_objectives(problem, richer)
-    unusual = size_prior(richer.hypothesis) - size_prior(poorer.hypothesis)
-    return float((difference / tau).sum()) - price(problem, richer, poorer) - unusual
-
-
-def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
-    """Nats that the additional parameters cost; each gate has edges, which count, too."""
-    tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
-    effective = float((problem.counts / tau)[problem.observed].sum())
-    return _size_price(problem, richer, effective) - _size_price(problem, poorer, effective)
-
-
-def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
-    """(F,) nats of each fit under one noise model, that of the best: their differences are log posterior odds.
-
-    A priori every further effect is as improbable as that it is this one of dozens, and so is a size that no machine
-    has.
-    """
-    every = float(problem.counts.sum())
-    best = min(fits, key=lambda f: f.objective + _price(problem, f, every))
-    tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
-    effective = float((problem.counts / tau)[problem.observed].sum())
-    nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
-    priced = np.array([_price(problem, f, effective) for f in fits])
-    lacking = np.array([len(problem.run.known.lacking(f.hypothesis.claims)) for f in fits])
-    unusual = np.array([size_prior(f.hypothesis) for f in fits])
-    return np.asarray(np.array(nats) - priced - unusual - RULED_OUT * lacking)
-
-
-def _price(problem: Problem, fit: Fit, effective: float) -> float:
-    """Nats that an account costs by its terms and their parameters, with so many effective samples."""
-    terms = len(fit.hypothesis.terms) - free(problem, fit.hypothesis)
-    return problem.run.settings.acceptance.per_term * terms + _size_price(problem, fit, effective)
-
-
-def _size_price(problem: Problem, fit: Fit, effective: float) -> float:
-    """The part of it that parameters cost, the edges of gates among them."""
-    rows = free(problem, fit.hypothesis)
-    gates = sum(bool(term.gate) for term in fit.hypothesis.terms)
-    size = fit.hypothesis.size + PARAMETERS_OF_A_GATE * gates - rows
-    return float(FREE_ROW * rows + size / 2 * np.log(max(effective, 2.0)))
 
 
 def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
@@ -138,11 +74,13 @@ def _fitted_share(problem: Problem, fit: Fit, lags: int) -> FloatArray:
     most = PROJECTED_WINDOWS
     rows = np.linspace(0, len(problem.windows) - 1, min(len(problem.windows), most)).astype(np.int64)
     part = problem.on(problem.windows.take(rows))
-    slopes = state_jacobian(part, fit.hypothesis, fit.starts[rows], fit.residuals[rows])[
-        :, :, problem.observed
-    ]
-    slopes = slopes / np.sqrt(fit.variance[problem.observed])[:, None]
-    count, samples, channels, dimension = slopes.shape
+    shooting = Shooting(part)
+    found = shooting.at(fit.hypothesis, fit.starts[rows])
+    shooting.told_by(found.residuals)
+    every = shooting.slopes(found, parameters=False).by_start
+    seen, (count, samples, _) = np.flatnonzero(problem.observed), found.residuals.shape
+    slopes = every.reshape(count, samples, -1, every.shape[2])[:, :, seen]
+    channels, dimension = slopes.shape[2:]
     flat = slopes.reshape(count, samples * channels, dimension)
     size = np.sqrt((flat**2).sum(axis=1, keepdims=True))
     flat = flat / np.where(size > 0, size, 1.0)

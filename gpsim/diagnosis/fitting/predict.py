@@ -10,10 +10,9 @@ import numpy as np
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.rollout import Extra
-from gpsim.diagnosis.run import kept
+from gpsim.diagnosis.fitting.shooting import Fit
 
 INVERSION_ITERATIONS = 20  # Newton's steps at most
 INVERSION_SETTLED = 1e-9  # of a channel's typical size: a step that small is the last
@@ -82,7 +81,6 @@ def _next(windows: Windows) -> Windows:
     )
 
 
-@kept
 def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     """(W, S) true states whose measurement is what was measured: Newton's steps with each sensor's own gain."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)

@@ -15,13 +15,8 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.effects import Chain, closed
+from gpsim.effects import Chain
 from gpsim.simulators import Simulator
-
-MOST_FINER = 4  # times as many substeps as the base simulator needs, at most
-MOST_FINER_OF_A_ROBOT = 2
-"""Times as many steps as a transition takes, at most, that the best hypothesis may ask for."""
-SLOPES_SERVE = 5  # steps of a fit that slopes by start states serve, as long as they are accepted
 
 
 @dataclass(frozen=True)
@@ -30,8 +25,7 @@ class Problem:
 
     observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
-    scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
-    substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
+    scale: (S,) typical size of each channel. substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
     was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
     simulator that owns its integration (then by `slope_simulator`); 0: as many as always. dry_steps: coordinate ->
     times as many substeps where dry friction acts on it, of such a simulator: its stops are exact to a step.
@@ -45,7 +39,6 @@ class Problem:
     floor: FloatArray
     stated: BoolArray
     scale: FloatArray
-    mismatch: FloatArray
     substeps: int
     base_steps: int = 1
     run: Run = field(default_factory=Run)
@@ -76,17 +69,6 @@ class Problem:
         return self.counted if weights is None else np.sqrt(weights) * self.counted
 
     @property
-    def every_slope(self) -> int:
-        """In how many steps of a fit once the slopes of start states are found anew; dear ones serve several times."""
-        return 1 if closed(self.simulator) is None else SLOPES_SERVE
-
-    @property
-    def most_finer(self) -> int:
-        """Times as many steps of a transition, at most, as a hypothesis may ask for."""
-        dear = closed(self.simulator) is not None
-        return MOST_FINER_OF_A_ROBOT if dear else MOST_FINER
-
-    @property
     def slopes(self) -> Problem:
         """The same question where only differences between simulations count, which coarser steps tell as well."""
         if not self.slope_steps:
@@ -103,17 +85,6 @@ class Problem:
         if chain.closed is not None:
             return self.substeps * max((self.dry_steps.get(on, 1) for on in chain.rubbing), default=1)
         return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
-
-    def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:
-        """The same question, in which `hypothesis` steps as finely as `other` does here: a region makes a grid finer.
-
-        That alone may gain nats.
-        """
-        if hypothesis.scheme != "fine" or other.scheme != "fine":
-            return self
-        chains = [h.chain(self.simulator, self.parameters, self.dt) for h in (hypothesis, other)]
-        own, theirs = (chain.refinement for chain in chains)
-        return self if theirs <= own else replace(self, substeps=self.substeps * theirs // own)
 
     def simulated(
         self,
@@ -142,24 +113,3 @@ class Problem:
 def mean_squares(problem: Problem, residual: FloatArray) -> FloatArray:
     """(S,) of the residual (W, L + 1, S), over its degrees of freedom."""
     return np.asarray((residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
-
-
-def variance_of(problem: Problem, residual: FloatArray) -> FloatArray:
-    """(S,) mean square of the residual per degree of freedom, at least the floor's."""
-    return np.asarray(np.maximum(mean_squares(problem, residual), problem.floor**2))
-
-
-def objective(problem: Problem, residual: FloatArray) -> float:
-    """Negative log likelihood in nats with each channel's variance profiled out (floored)."""
-    square = mean_squares(problem, residual)
-    variance = np.maximum(square, problem.floor**2)
-    terms = problem.counts / 2 * (np.log(variance) + square / variance)
-    return float(terms[problem.observed].sum())
-
-
-def window_costs(problem: Problem, residual: FloatArray, variance: FloatArray) -> FloatArray:
-    """(C, W) half the sum of squares in standard deviations."""
-    cost: FloatArray = (residual[..., problem.observed] ** 2 / variance[problem.observed]).sum(
-        axis=(2, 3)
-    ) / 2
-    return cost

@@ -14,14 +14,10 @@ from gpsim.diagnosis.fitting.compiled import simulated
 from gpsim.diagnosis.fitting.rollout import FAR, Extra, Pushes, roll, tamed
 from gpsim.diagnosis.fitting.twisted import twists_of
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values
-from gpsim.kernels import Program, can_compile, program_of
+from gpsim.kernels import can_compile, program_of
 from gpsim.simulators import Memory
 
-LEAST_ROWS_OF_A_PART = 150  # rows that a part of a batch has: the overhead of its substeps is not split
-WORTH_SENDING = 5e4
-"""Below, a batch is simulated here [rows times substeps] (some ten milliseconds of work)."""
 UNEVEN_FINER = 4.0
 """Times as many substeps as usual that an uneven clock may have where a delay is simulated."""
 
@@ -39,28 +35,21 @@ def simulate(
     """(C, W, L + 1, S): what the sensors would say.
 
     starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
-    the terms by `spread(thetas, W)`; n: steps of each transition. Large batches are simulated in parts, one a core.
+    the terms by `spread(thetas, W)`; n: steps of each transition.
     """
     if not len(windows):
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = tamed(starts)  # a step may have sent one anywhere
     bends = _bends(chain, windows, starts, spread, thetas)
     setting, windows = _set(chain, windows, spread, thetas, n)
-    _count(run, chain, windows, len(thetas), setting)
     known = extra is None or isinstance(extra, Pushes)
-    program = _program(run.settings.sharing, chain) if known else None
+    program = program_of(chain) if known and run.settings.windows.compiled and can_compile() else None
     if program is not None:
         pushes = extra if isinstance(extra, Pushes) else None
-        cores = run.workers.count
-        said = simulated(program, chain, windows, starts, spread, thetas, setting, cores, bends, pushes)
+        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.threads, bends, pushes)
         if said is not None:
             return said
-    parts = _parts(run.workers.count, len(thetas), len(windows), windows.length * n)
-    if parts < 2 or not setting.even or extra is not None or bends:
-        return _simulated(chain, windows, starts, spread, thetas, setting, extra, bends)
-    rows = np.array_split(np.arange(len(windows)), parts)
-    calls = [(chain, windows.take(r), starts[:, r], spread, thetas, setting) for r in rows]
-    return np.concatenate(run.workers.at_once(_simulated, calls), axis=1)
+    return _simulated(chain, windows, starts, spread, thetas, setting, extra, bends)
 
 
 def _simulated(
@@ -100,11 +89,6 @@ def _bends(chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, t
         return bends | twists_of(chain, windows, rows, values)
 
 
-def _program(settings: SharingSettings, chain: Chain) -> Program | None:
-    """The chain in compiled form, where it has one and that is wanted."""
-    return program_of(chain) if settings.compiled and can_compile() else None
-
-
 def _set(
     chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
 ) -> tuple[Setting, Windows]:
@@ -138,27 +122,6 @@ def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sens
     if not np.isfinite(commands):
         return windows
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
-
-
-def _count(run: Run, chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
-    """Count the effort, which is the same in parts."""
-    budget = run.budget
-    rows, inside = copies * len(windows), windows.length * setting.n
-    before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
-    owned = chain.closed is not None
-    budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry, owned=owned)
-    budget.spend_on_readings(rows, inside, chain.sensors.remembering)
-    if chain.actuation:
-        budget.spend_on_commands(len(setting.first) * len(windows), before + inside, len(chain.actuation))
-    if chain.actuation.looks:
-        budget.spend_on_commands(rows, inside, len(chain.actuation))
-
-
-def _parts(cores: int, copies: int, windows: int, substeps: int) -> int:
-    """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
-    rows = copies * windows
-    enough = rows * substeps > WORTH_SENDING
-    return min(cores, rows // LEAST_ROWS_OF_A_PART, windows) if enough else 1
 
 
 def _run(

@@ -13,11 +13,12 @@ from typing import Any
 from gpsim.diagnosis.report.codec import read
 from gpsim.diagnosis.report.effects import Estimate
 from gpsim.diagnosis.report.known_sizes import no_size, sized
-from gpsim.diagnosis.settings import BlackBoxSettings, RivalSettings, VerdictSettings
+from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.effects import own_name
 
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
+MUCH_MORE = 0.25  # of an account's error, that a black box takes off surely: it is not named
 CLOSE = 1.025  # of a ratio of probabilities: explanations are as likely, and numbers are rounded in the file
 
 
@@ -68,7 +69,7 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     ):
         yield "verdict named, and much less than nine tenths are explained"
     box = diagnosis["fit"].get("black_box")
-    if box and _at_least(box["takes_off"]) > BlackBoxSettings().more:
+    if box and _at_least(box["takes_off"]) > MUCH_MORE:
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 
@@ -82,7 +83,7 @@ def _probabilities(diagnosis: Json) -> Iterator[str]:
     leader, best = max(own), max((r["probability"] for r in rivals), default=0.0)
     if leader + sum(r["probability"] for r in rivals) > 1.0 + 1e-6:
         yield "probabilities add up to more than 1"
-    margin = math.exp(RivalSettings().tie) * CLOSE
+    margin = math.exp(VerdictSettings().tie) * CLOSE
     if best > margin * leader:
         yield f"the leader's probability is {leader:.2g}, an alternative's {best:.2g}"
     if best > leader * CLOSE and diagnosis.get("leads", "simplest") == "likeliest":

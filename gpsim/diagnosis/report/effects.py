@@ -115,7 +115,8 @@ class RankedHypothesis:
     """An explanation that was fitted, and how many nats it is behind the best.
 
     gates: of each effect `time`, the channel of its region, `episode`, or nothing; scheme: the step of its integration;
-    windows: on which it was fitted, all training windows or those of the search, which are fewer.
+    windows: on which it was fitted, all training windows or those of the search, which are fewer; refused: why it does
+    not lead, though it is ahead.
     """
 
     nats_behind: float
@@ -123,3 +124,4 @@ class RankedHypothesis:
     gates: tuple[str, ...] | None = None
     scheme: str
     windows: Literal["all", "search"] = "search"
+    refused: str | None = field(default=None, metadata=OMITTED)

@@ -1,52 +1,27 @@
-"""Settings: what a user may turn, step by step, with unit, meaning, default and origin; the rest are constants."""
+"""Settings: what a user may turn, step by step, with unit, meaning, default and reason."""
 
-from gpsim.diagnosis.settings import schedules
-from gpsim.diagnosis.settings.account import (
-    AttributionSettings,
-    BlackBoxSettings,
-    FormSettings,
-    IntervalSettings,
-    RivalSettings,
-    VerdictSettings,
-)
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.known import NAMES, NOTHING_KNOWN, Known, read_known
-from gpsim.diagnosis.settings.recording import (
-    AngleSettings,
-    CandidateSettings,
-    DecimationSettings,
+from gpsim.diagnosis.settings.numbers import (
+    IntervalSettings,
+    LawSettings,
     LogFactSettings,
-    SharingSettings,
+    RolloutSettings,
+    VerdictSettings,
     WindowSettings,
 )
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
-from gpsim.diagnosis.settings.selection import (
-    AcceptanceSettings,
-    GateSettings,
-    LackOfFitSettings,
-    SearchSettings,
-)
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
 
 __all__ = [
     "NAMES",
     "NOTHING_KNOWN",
-    "AcceptanceSettings",
-    "AngleSettings",
-    "AttributionSettings",
-    "BlackBoxSettings",
-    "CandidateSettings",
-    "DecimationSettings",
-    "FormSettings",
-    "GateSettings",
     "IntervalSettings",
     "Known",
-    "LackOfFitSettings",
+    "LawSettings",
     "LogFactSettings",
-    "RivalSettings",
-    "SearchSettings",
+    "RolloutSettings",
     "Settings",
-    "SharingSettings",
     "VerdictSettings",
     "WindowSettings",
     "as_mapping",
@@ -55,5 +30,4 @@ __all__ = [
     "described",
     "read_known",
     "read_settings",
-    "schedules",
 ]

@@ -10,7 +10,7 @@ from typing import Any
 from gpsim.errors import UsageError
 
 Interval = tuple[float, float]
-NAMES = ("only", "without", "require", "also")
+NAMES = ("only", "without", "require", "also", "usual", "unusual")
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Known:
     """What the user knows, checked for form; for names see `setup.known`.
 
     fix: values of the simulator's parameters, in their units; bounds: of such a parameter, or `family.on.parameter`, in
-    its unit; only, without, require, also: `family` or `family on place`.
+    its unit; only, without, require, also, usual, unusual: `family` or `family on place`.
     """
 
     fix: Mapping[str, float] = field(default_factory=dict)
@@ -27,13 +27,15 @@ class Known:
     without: tuple[str, ...] = ()
     require: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
+    usual: tuple[str, ...] = ()
+    unusual: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return any((self.fix, self.bounds, self.only, self.without, self.require, self.also))
+        return any(vars(self).values())
 
     def asks(self, claim: tuple[str, str], usual: bool = True) -> bool:
         """Whether a term (family, place) may be offered; usual: its family is, unless told otherwise."""
-        named = _named(claim, (*self.only, *self.require, *self.also))
+        named = _named(claim, (*self.only, *self.require, *self.also, *self.usual))
         wanted = named if self.only else (usual or named)
         fixed = claim[0] == "parameter_offset" and claim[1] in self.fix
         return wanted and not fixed and not _named(claim, self.without)
@@ -41,6 +43,10 @@ class Known:
     def requires(self, claim: tuple[str, str]) -> bool:
         """Whether a term (family, place) has to be in the account."""
         return _named(claim, self.require)
+
+    def usual_there(self, claim: tuple[str, str], otherwise: bool) -> bool:
+        """Whether a law is usual on a machine of the kind, by the user's word, else as it is otherwise."""
+        return (otherwise or _named(claim, self.usual)) and not _named(claim, self.unusual)
 
     def lacking(self, claims: Collection[tuple[str, str]]) -> tuple[str, ...]:
         """What is required and not among the claims."""

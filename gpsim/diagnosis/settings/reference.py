@@ -19,6 +19,8 @@ KNOWN = (
     "  without: []          # do not ask for these",
     "  require: []          # in the account from the start, and told where they do nothing",
     "  also: []             # ask for these beside the usual ones",
+    "  usual: []            # these belong to the usual machine, too",
+    "  unusual: []          # these do not, and must bring as much as what a machine seldom has",
 )
 """What a user may say beside the settings, which is no threshold."""
 NARROW = 60  # columns of a value, beside which its meaning begins
@@ -37,7 +39,7 @@ def as_page(settings: Settings) -> str:
         "# Settings of the diagnosis",
         "",
         "Made by `python docs/generate.py` from `gpsim/diagnosis/settings`; a test holds it current. Any of them",
-        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.search.beam=5`. Other thresholds are",
+        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.laws.unusual=12`. Other thresholds are",
         "constants, each with its reason beside the code that it decides in.",
         "",
     ]

@@ -8,83 +8,74 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.diagnosis.settings.account import (
-    AttributionSettings,
-    BlackBoxSettings,
-    ComparisonSettings,
-    ExperimentDesignSettings,
-    FormSettings,
-    IntervalSettings,
-    RemainderGPSettings,
-    RivalSettings,
-    RolloutSettings,
-    SupportSettings,
-    VerdictSettings,
-)
 from gpsim.diagnosis.settings.declare import too_small
-from gpsim.diagnosis.settings.recording import (
-    AngleSettings,
-    CandidateSettings,
+from gpsim.diagnosis.settings.numbers import (
     ClosedStepSettings,
-    DecimationSettings,
-    DiscretisationSettings,
+    CurveSettings,
+    GpSettings,
+    IntervalSettings,
+    LawSettings,
     LogFactSettings,
-    PrepareSettings,
-    SharingSettings,
+    RolloutSettings,
+    VerdictSettings,
     WindowSettings,
-)
-from gpsim.diagnosis.settings.selection import (
-    AcceptanceSettings,
-    DifferenceSettings,
-    GateEdgeSettings,
-    GateSettings,
-    LackOfFitSettings,
-    SearchSettings,
-    StepwiseSettings,
 )
 from gpsim.errors import UsageError
 from gpsim.settings import build
 
 WHERE = "diagnose"
+GONE = frozenset(
+    [
+        "sharing",
+        "decimation",
+        "prepare",
+        "angles",
+        "candidates",
+        "discretisation",
+        "acceptance",
+        "search",
+        "gates",
+        "gate_edges",
+        "stepwise",
+        "lack_of_fit",
+        "differences",
+        "attribution",
+        "support",
+        "rivals",
+        "black_box",
+        "form",
+        "comparison",
+        "remainder_gp",
+        "experiment_design",
+    ]
+)
+"""Steps of the search that the ladder replaced."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
-    sharing: SharingSettings = field(default_factory=SharingSettings)
     windows: WindowSettings = field(default_factory=WindowSettings)
-    decimation: DecimationSettings = field(default_factory=DecimationSettings)
     log_facts: LogFactSettings = field(default_factory=LogFactSettings)
-    prepare: PrepareSettings = field(default_factory=PrepareSettings)
-    angles: AngleSettings = field(default_factory=AngleSettings)
-    candidates: CandidateSettings = field(default_factory=CandidateSettings)
-    discretisation: DiscretisationSettings = field(default_factory=DiscretisationSettings)
-    closed_step: ClosedStepSettings = field(default_factory=ClosedStepSettings)
-    acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
-    search: SearchSettings = field(default_factory=SearchSettings)
-    gates: GateSettings = field(default_factory=GateSettings)
-    gate_edges: GateEdgeSettings = field(default_factory=GateEdgeSettings)
-    stepwise: StepwiseSettings = field(default_factory=StepwiseSettings)
-    lack_of_fit: LackOfFitSettings = field(default_factory=LackOfFitSettings)
-    differences: DifferenceSettings = field(default_factory=DifferenceSettings)
-    attribution: AttributionSettings = field(default_factory=AttributionSettings)
-    support: SupportSettings = field(default_factory=SupportSettings)
-    rivals: RivalSettings = field(default_factory=RivalSettings)
-    verdict: VerdictSettings = field(default_factory=VerdictSettings)
-    black_box: BlackBoxSettings = field(default_factory=BlackBoxSettings)
-    form: FormSettings = field(default_factory=FormSettings)
-    comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
+    laws: LawSettings = field(default_factory=LawSettings)
+    curves: CurveSettings = field(default_factory=CurveSettings)
     rollouts: RolloutSettings = field(default_factory=RolloutSettings)
-    remainder_gp: RemainderGPSettings = field(default_factory=RemainderGPSettings)
-    experiment_design: ExperimentDesignSettings = field(default_factory=ExperimentDesignSettings)
+    verdict: VerdictSettings = field(default_factory=VerdictSettings)
     intervals: IntervalSettings = field(default_factory=IntervalSettings)
+    gp: GpSettings = field(default_factory=GpSettings)
+    closed_step: ClosedStepSettings = field(default_factory=ClosedStepSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:
     """Settings from a mapping step -> setting -> value; raises UsageError that names the key and the nearest one."""
     steps: dict[str, Any] = {f.name: f.default_factory for f in dataclasses.fields(Settings)}
     for name, content in values.items():
+        if name in GONE:
+            raise UsageError(
+                f"{WHERE}.{name}: went with the old search; what decides now is in {WHERE}.laws, .curves and .verdict "
+                "(docs/reference/settings.md)"
+            )
         if name not in steps:
             raise UsageError(
                 f"{WHERE}: no step '{name}'{_nearest(name, steps)}; there are: {', '.join(steps)}"

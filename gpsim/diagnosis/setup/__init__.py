@@ -1,15 +1,11 @@
 """Setup: from a recording to the question and to what may be missing."""
 
-from gpsim.diagnosis.setup.alike import Alike, alike
-from gpsim.diagnosis.setup.asked import LATE, is_law, is_structure, rises_of
-from gpsim.diagnosis.setup.by_forces import Sizes, by_forces
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
-from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
+from gpsim.diagnosis.setup.prepare import Question, prepare, spread_out
 from gpsim.diagnosis.setup.readings import telling
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.diagnosis.setup.sizes import FEWEST_WITHOUT_CONTACT
@@ -17,32 +13,22 @@ from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
     "FEWEST_WITHOUT_CONTACT",
-    "LATE",
-    "Alike",
     "Completions",
     "LogLook",
     "Question",
     "Sight",
-    "Sizes",
-    "alike",
     "apart",
-    "by_forces",
-    "by_inverse_dynamics",
     "candidates",
     "check_moves",
     "completed",
     "filters",
     "flagged",
-    "is_law",
-    "is_structure",
     "look",
     "look_at",
     "mended",
     "not_asked",
     "offers_of",
     "prepare",
-    "rises_of",
-    "settled_question",
     "smoothed",
     "spread_out",
     "telling",

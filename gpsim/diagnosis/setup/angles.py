@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.settings import AngleSettings
+from gpsim.diagnosis.settings import LogFactSettings
 from gpsim.effects import closed
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, Transitions, evenly
@@ -30,7 +30,7 @@ WELL_FORESEEN = 0.25  # of the same rate, that it leaves at most with the angle 
 
 DEGREES = math.degrees(1.0)  # of a radian: the factor between the two units
 REMEDY = "multiply by pi/180, or import the log with NAME=deg*COLUMN"
-SURE = "if it is right, say diagnose.angles.asked=false"
+SURE = "if it is right, say diagnose.log_facts.angles=false"
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def check_angles(
     recording: Recording,
     simulator: Simulator,
     parameters: Parameters,
-    settings: AngleSettings,
+    settings: LogFactSettings,
     hidden: Collection[str] = (),
 ) -> None:
     """Raise UsageError where an angle surely is none in radians, or is counted from 180 degrees away.
@@ -63,7 +63,7 @@ def check_angles(
     hidden: states that nobody measured, at a guess in the recording: rates are not compared then.
     """
     rows = recording.transitions()
-    if not settings.asked or len(rows) < FEWEST_ROWS:
+    if not settings.angles or len(rows) < FEWEST_ROWS:
         return
     for coordinate in simulator.coordinates:
         if not {coordinate.name, coordinate.velocity} & set(hidden):

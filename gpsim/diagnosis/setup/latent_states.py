@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
 from gpsim.effects import closed
 from gpsim.recordings import Episode, Recording
 
-COMPLETION_ITERATIONS = 12  # of the fit of start states that a recording is completed with
+COMPLETION_ITERATIONS = 8  # of the fit of start states that a recording is completed with
 COMPLETED_GAIN = 0.05
 """That a round must gain where only start states are fitted, to complete a recording [nats a window]."""
 
@@ -54,13 +54,8 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
     windows = problem.windows
     if not hidden:
         return windows
-    iterations, tolerance = COMPLETION_ITERATIONS, None
-    if (
-        closed(problem.simulator) is not None
-    ):  # a round costs seconds, and a window's share of a nat is no news
-        tolerance = COMPLETED_GAIN * len(windows)
-    start = windows.measured[:, 0]
-    found = fit(problem, hypothesis.frozen(), start, iterations=iterations, tolerance=tolerance)
+    tolerance = COMPLETED_GAIN * len(windows)
+    found = fit(problem, hypothesis.frozen(), rounds=COMPLETION_ITERATIONS, tolerance=tolerance)
     columns = [problem.simulator.state.index(name) for name in hidden]
     measured = np.array(windows.measured)
     measured[..., columns] = traced(problem, found)[..., columns]

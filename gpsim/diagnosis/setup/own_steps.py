@@ -8,20 +8,21 @@ import numpy as np
 
 from gpsim.channels import difference
 from gpsim.diagnosis.fitting import TOLERATED_STEP_ERROR, Hypothesis, Problem, dry_steps, growth
-from gpsim.diagnosis.setup.inverse_dynamics import by_inverse_dynamics
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, closed, effect_of
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
 DRY_WINDOWS = 12  # windows on which that is asked, of every joint
+DRY_JOINTS = 3  # of a model, at most, whose dry friction is stepped finely: the steps of an arm are too dear
+UNSTABLE = 10.0
+"""Times as far apart that two simulations may be at a window's end that began slightly apart: on poles that fall longer
+windows lead fits into local minima; robots that are held stay below 7."""
 SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
 
 BLOCKS = 40  # of an episode, in which means of commands are put in their place
 
-ROTOR, RUBS, OFFSET = "armature", "coulomb_friction", "constant_force"
-LIKELY = (ROTOR, "viscous_friction")
-LIGHTEST = 0.1  # of the usual rotor, that one is for which steps are chosen, at the least (by hand)
+RUBS, LIKELY = "coulomb_friction", ("armature", "viscous_friction")
 
 
 def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
@@ -29,8 +30,8 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
 
     None of a model of many joints, whose steps are too dear.
     """
-    simulator, settings = problem.simulator, problem.run.settings
-    if len(simulator.coordinates) > settings.closed_step.dry_joints:
+    simulator = problem.simulator
+    if len(simulator.coordinates) > DRY_JOINTS:
         return {}
     rows = evenly(len(problem.windows), DRY_WINDOWS)
     some, found = problem.on(problem.windows.take(rows)), {}
@@ -42,24 +43,17 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
 
 
 def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
-    """A rotor and viscous friction at every joint, of sizes by inverse dynamics, or else usual ones.
-
-    No rotor is lighter than a part of the usual one: what would whirl without needs steps that no fit can afford.
+    """A rotor and viscous friction of usual sizes at every joint: what would whirl without needs steps that no fit
+    can afford.
     """
-    every = _usual_terms(problem, recording, (*LIKELY, RUBS, OFFSET))
-    usual = Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
-    found = by_inverse_dynamics(problem, recording, usual) or usual
-    least = [
-        LIGHTEST * v if t.family == ROTOR else -np.inf for t, v in zip(usual.terms, usual.theta, strict=True)
-    ]
-    found = found.having(np.maximum(found.theta, least))
-    return found.without_all([i for i, t in enumerate(found.terms) if t.family not in LIKELY])
+    every = _usual_terms(problem, recording, LIKELY)
+    return Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
 
 
 def _usual_terms(problem: Problem, recording: Recording, families: Sequence[str]) -> list[Hypothesis]:
     """Effects of their usual sizes at each of their places, one hypothesis each."""
     simulator, out = problem.simulator, []
-    sizes = Sizes(recording, simulator, problem.parameters, problem.run.settings.candidates)
+    sizes = Sizes(recording, simulator, problem.parameters)
     for effect in map(effect_of, families):
         for on in effect.places(simulator):
             declared = effect.parameters(sizes.place(effect, on))
@@ -106,6 +100,6 @@ def steady_length(problem: Problem, machine: Callable[[], Hypothesis]) -> int:
 
 
 def _steady(problem: Problem, hypothesis: Hypothesis) -> int:
-    limit, longest = problem.run.settings.closed_step.unstable, problem.windows.length
+    limit, longest = UNSTABLE, problem.windows.length
     (beyond,) = np.nonzero(growth(problem, hypothesis) > limit)
     return min(max(int(beyond[0]) - 1, SHORTEST_UNSTABLE), longest) if len(beyond) else longest

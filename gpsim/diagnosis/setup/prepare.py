@@ -13,15 +13,10 @@ from gpsim.diagnosis.data import FEWEST_TRANSITIONS_OF_A_WINDOW, Windows, cut, h
 from gpsim.diagnosis.fitting import (
     TOLERATED_NOISE,
     USUAL_SUBSTEP,
-    Fit,
     Hypothesis,
     Problem,
-    enough_substeps,
-    fit,
     inexact,
     numerical_error,
-    rescored,
-    settled,
     stepped,
 )
 from gpsim.diagnosis.report import LogFact
@@ -40,6 +35,8 @@ from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
 
+SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
+MOST_CUT = 6000  # windows that are cut: millions of transitions must not fill the memory
 SEARCHED_LONGER = 50  # windows that it looks at where they are longer than usual
 FEWEST_TRANSITIONS = 12  # transitions below, there are not even that many short windows
 LONGER_WINDOWS = 2
@@ -54,7 +51,6 @@ MOST_USUAL_SUBSTEPS = 6  # substeps that this may ask for
 SLOW_STEP = 0.5  # transitions longer than this belong to systems for which seconds are no guide [s]
 TOLERATED_CHANGE = 3e-3  # of a channel's spread: what halving the substep may change
 SAMPLED_WINDOWS = 40  # windows on which the base simulator's numerical error and mismatch are measured
-MISMATCH_ITERATIONS = 8  # of the base simulator's fit that says how far it is off
 
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
@@ -118,7 +114,7 @@ def prepare(
     log = look_at(recording, settings.log_facts)
     seen, origin = rebased(mended(recording, log.left_out))
     system = closed(simulator)
-    read, every = thinned(seen, settings.decimation)
+    read, every = thinned(seen, settings.windows.pace)
     if (
         system is not None
         and every > 1
@@ -126,7 +122,7 @@ def prepare(
     ):
         read, every = seen, 1
     seen = sight.completed(read)
-    check_angles(seen, simulator, parameters, settings.angles, hidden)
+    check_angles(seen, simulator, parameters, settings.log_facts, hidden)
     if system is not None:
         simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)
@@ -146,12 +142,12 @@ def prepare(
         problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
         problem = replace(problem, floor=np.hypot(problem.floor, inexact(_sample(problem), machine)))
     usual = training.length == _length(seen, settings)
-    searched = settings.prepare.searched if usual else SEARCHED_LONGER
-    fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
+    searched = settings.windows.searched if usual else SEARCHED_LONGER
+    fitted, fewest = settings.windows.fitted, settings.windows.fewest
     if system is not None:
         searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
     problem = replace(problem, base_steps=every)
-    problem = _with_mismatch(_fine_enough(problem) if system is None else problem)
+    problem = _fine_enough(problem) if system is None else problem
     return Question(
         seen,
         problem.on(spread_out(training, fitted, fewest)),
@@ -182,7 +178,7 @@ def _check_length(recording: Recording) -> None:
 
 def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
-    length, prepared = _length(recording, settings), settings.prepare
+    length, prepared = _length(recording, settings), settings.windows
     training, held = _parted(recording, length, settings)
     if recording.held_out is not None and recording.held_out.share != 0.0 and not len(held):
         raise UsageError(
@@ -212,14 +208,14 @@ def _steady(
 ) -> tuple[Windows, Windows]:
     """Shorter windows where unstable motion would drive apart what began alike."""
     settings = problem.run.settings
-    some = spread_out(training, settings.closed_step.searched, settings.prepare.fewest)
+    some = spread_out(training, settings.closed_step.searched, settings.windows.fewest)
     length = steady_length(problem.on(some), machine)
     return _parted(recording, length, settings) if length < training.length else (training, held)
 
 
 def _parted(recording: Recording, length: int, settings: Settings) -> tuple[Windows, Windows]:
     """Windows of a length, to learn from and held-out ones."""
-    windows = cut(recording, settings.windows, length, most=settings.prepare.cut)
+    windows = cut(recording, settings.windows, length, most=MOST_CUT)
     held = held_out_mask(recording, windows)
     return windows.take(~held), windows.take(held)
 
@@ -234,7 +230,7 @@ def _problem(
     run: Run,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
-    names, grid = simulator.state.names, run.settings.discretisation
+    names = simulator.state.names
     observed = _observed(recording, simulator, hidden)
     share, spread = HIDDEN_SCALE, training.measured[training.valid].std(axis=0)
     unsized = [n in hidden and (n in simulator.start or not s) for n, s in zip(names, spread, strict=True)]
@@ -244,8 +240,7 @@ def _problem(
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (LEAST_NOISE * scale) ** 2)
-    usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), grid.substeps[0], MOST_USUAL_SUBSTEPS))
-    nothing = np.zeros(len(names))
+    usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), 1, MOST_USUAL_SUBSTEPS))
     return Problem(
         simulator,
         parameters,
@@ -255,7 +250,6 @@ def _problem(
         floor,
         known > 0,
         scale,
-        nothing,
         usual,
         run=run,
     )
@@ -273,14 +267,14 @@ def _in_steps_of(problem: Problem, other: Problem) -> Problem:
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
-    settings, sample = problem.run.settings.discretisation, _sample(problem)
+    sample = _sample(problem)
     stands = (
         any(problem.simulator.coordinates) and problem.dt <= SLOW_STEP
     )  # friction may hold something at rest
-    fewest = problem.substeps if stands else settings.substeps[0]
+    fewest = problem.substeps if stands else SUBSTEPS[0]
     tolerated = np.maximum(TOLERATED_CHANGE * problem.scale, problem.floor / TOLERATED_NOISE)
     tolerated = tolerated[problem.observed]
-    for substeps in (n for n in settings.substeps if n >= fewest):
+    for substeps in (n for n in SUBSTEPS if n >= fewest):
         error = numerical_error(replace(sample, substeps=substeps))
         chosen = replace(problem, substeps=substeps, floor=np.hypot(problem.floor, error))
         if (error[problem.observed] <= tolerated).all():
@@ -291,31 +285,8 @@ def _fine_enough(problem: Problem) -> Problem:
 def _sample(problem: Problem) -> Problem:
     """The problem on a few windows, which show the base simulator's errors."""
     settings = problem.run.settings
-    some = spread_out(problem.windows, SAMPLED_WINDOWS, settings.prepare.fewest)
+    some = spread_out(problem.windows, SAMPLED_WINDOWS, settings.windows.fewest)
     return problem.on(some)
-
-
-def _with_mismatch(problem: Problem) -> Problem:
-    """The problem with how far the base simulator is off.
-
-    A simulator that owns its integration by no more than a channel moves: a light link may whirl as no machine does,
-    and beside a million rad/s all that its joint lacks would be slight.
-    """
-    sample, iterations = _sample(problem), MISMATCH_ITERATIONS
-    null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=iterations)
-    off = null.variance if closed(problem.simulator) is None else np.minimum(null.variance, problem.scale**2)
-    return replace(problem, mismatch=off)
-
-
-def settled_question(question: Question, best: Fit) -> Question:
-    """The question with as fine a grid as the best hypothesis needs, a fit of the searched windows, and its error."""
-    best = rescored(question.searched, best)  # the search had found its own floor
-    substeps, best = enough_substeps(question.searched, best)
-    problem = replace(question.searched, substeps=substeps)
-    floor = np.maximum(question.everything.floor, settled(problem, best).floor)
-    problems = (question.everything, question.searched, question.held_out)
-    everything, searched, held_out = (replace(p, floor=floor, substeps=substeps) for p in problems)
-    return replace(question, everything=everything, searched=searched, held_out=held_out)
 
 
 def spread_out(windows: Windows, most: int, fewest: int) -> Windows:
@@ -332,7 +303,7 @@ def spread_out(windows: Windows, most: int, fewest: int) -> Windows:
 def _length(recording: Recording, settings: Settings) -> int:
     """Transitions a window: the usual number, more where a clock stayed fast because thinning would hide commands."""
     longest = max(len(episode) for episode in recording.episodes)
-    windows, pace = settings.windows, settings.decimation.pace
+    windows, pace = settings.windows, settings.windows.pace
     usual = round(windows.length * pace / recording.dt)
     usual = int(np.clip(usual, windows.length, windows.longest))
     return min(usual, max(longest, FEWEST_TRANSITIONS_OF_A_WINDOW))

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
-from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.along import Edges, pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.readings import stands, trails, unread
@@ -23,6 +22,7 @@ FEWEST_WITHOUT_CONTACT = 100
 """Transitions without contact that must be left where accelerations leave out those that touch."""
 
 TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
+REACH = 2.0  # standard deviations of a position, to either side, in which a law's places are looked for
 MEDIAN = 0.5  # quantile
 REFLECTED = 0.3
 """Of the inertia that would turn a joint's forces into its accelerations, that a rotor behind gears may well be: at a
@@ -37,13 +37,12 @@ class Sizes:
         recording: Recording,
         simulator: Simulator,
         parameters: Mapping[str, float],
-        settings: CandidateSettings,
     ) -> None:
         rows = recording.transitions()
         self._trailing = _trailing(recording, simulator)
         rows = rows.take(evenly(len(rows), ROWS_OF_SIZES))
         rows = rows.take(apart(simulator, FEWEST_WITHOUT_CONTACT, rows.states, rows.next_states))
-        self._reach = settings.reach
+        self._reach = REACH
         self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {
             name: _typical(np.abs(values), TYPICAL_QUANTILE)

@@ -69,8 +69,7 @@ def undone(
     if not places:
         return windows
     around = problem.on(at(recording, places, 2 * reach + 1))
-    iterations = FIT_ITERATIONS
-    found = fit(around, hypothesis.frozen(), around.windows.measured[:, 0], iterations=iterations)
+    found = fit(around, hypothesis.frozen(), rounds=FIT_ITERATIONS)
     said = traced(around, found)
     windows = windows.take(rows)
     measured = np.array(windows.measured)

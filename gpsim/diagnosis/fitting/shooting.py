@@ -1,0 +1,376 @@
+"""Multiple shooting: all parameters of a hypothesis at once, each window's start state eliminated.
+
+Gauss-Newton on the windows' residuals (Bock 1981): the start states are projected out window by window, steps are
+damped (Levenberg and Marquardt) and taken where the whole is better, start states where their window is. Dry friction
+makes joint steps stall, so every round ends with a step of the start states alone. Residuals count in standard
+deviations of the noise, which holds what a fit leaves, its correlation and the simulation's own error; samples far out
+count less (Huber 1964). All costs are nats.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.diagnosis.fitting.coordinates import Coordinates, coordinates
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.problem import Problem
+
+STATE_STEP = 1e-5  # of a channel's size: by which start states are moved to see what that changes
+STEP, STEP_OF_JUMPS = 1e-3, 0.03  # of a coordinate's scale: the same of parameters; of laws that jump
+STEP_OF_DRY = 0.01  # of a coordinate's scale, where dry friction stops bodies
+ATTEMPTS = 4  # steps of one round, each more cautious, before parameters stand still
+TOLERANCE = 0.1  # a round that gains less ends a fit [nats]
+OUTLYING = 4.0  # standard deviations beyond which a sample counts as one there, in absolute terms
+CORE = 6.0  # robust standard deviations to which residuals are clipped where the noise is told
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What a residual counts by. white: (S,) standard deviation of each channel; times: (S,) by how much correlation
+    makes a sample count less; weights: (W, L + 1, S) of samples, 0 where nothing was observed.
+    """
+
+    white: FloatArray
+    times: FloatArray
+    weights: FloatArray
+
+    @property
+    def whitening(self) -> FloatArray:
+        """(W, L + 1, S) what a residual is multiplied by."""
+        return np.asarray(self.weights / (self.white * np.sqrt(self.times)))
+
+    @property
+    def effective(self) -> float:
+        """How many independent samples there are."""
+        return float(((self.weights > 0).sum(axis=(0, 1)) / self.times).sum())
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis fitted to windows, or where its fit stands.
+
+    z: (P,) its coordinates; starts: (W, S); residuals: (W, L + 1, S) in the channels' units, 0 where nothing counts;
+    costs: (W,) nats under the noise; prior: nats; information: (W, P, P) of each window on the coordinates, start
+    states projected out, and gradients: (W, P), where slopes were last found.
+    """
+
+    hypothesis: Hypothesis
+    z: FloatArray
+    starts: FloatArray
+    residuals: FloatArray
+    costs: FloatArray
+    prior: float
+    noise: Noise
+    by_window: FloatArray
+    gradients: FloatArray
+
+    @property
+    def cost(self) -> float:
+        """All of it [nats]."""
+        return float(self.costs.sum()) + self.prior
+
+    @property
+    def information(self) -> FloatArray:
+        """(P, P) the Hessian of the cost, with the prior's."""
+        own = coordinates(self.hypothesis.parameters)
+        return np.asarray(self.by_window.sum(axis=0) + np.diag(1.0 / own.prior**2))
+
+    def learnt_from(self, windows: IntArray) -> Hypothesis:
+        """The hypothesis as some of the windows alone say: one step from the fit to all of them, as a jackknife takes."""
+        own = coordinates(self.hypothesis.parameters)
+        held = 1.0 / own.prior**2
+        information = self.by_window[windows].sum(axis=0) + np.diag(held)
+        pull = self.gradients[windows].sum(axis=0) - held * (self.z - own.centre)
+        pull -= (
+            (self.gradients.sum(axis=0) - held * (self.z - own.centre)) * len(windows) / len(self.gradients)
+        )
+        move = bounded_step(information, pull, 1e-9, self.z, own.low, own.high)
+        return self.hypothesis.having(own.natural(np.clip(self.z + move, own.low, own.high)))
+
+
+@dataclass(frozen=True)
+class Slopes:
+    """Whitened residual r (W, M), its slopes by parameters J (W, M, P) and by start states S (W, M, N), and the start
+    states' damped normal matrices G (W, N, N).
+    """
+
+    r: FloatArray
+    by_theta: FloatArray
+    by_start: FloatArray
+
+    def gram(self, damping: FloatArray | float = 1e-9) -> FloatArray:
+        """(W, N, N) of the start states."""
+        g = np.einsum("wmi,wmj->wij", self.by_start, self.by_start, optimize=True)
+        diagonal = np.einsum("wii->wi", g)
+        g += (np.reshape(damping, (-1, 1)) * diagonal + 1e-12)[:, :, None] * np.eye(g.shape[1])
+        return g
+
+    def projected(
+        self, damping: FloatArray | float = 1e-9
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Information (W, P, P) and gradients (W, P) with the start states eliminated; and their answers to either."""
+        solve = np.linalg.solve(self.gram(damping), self.by_start.transpose(0, 2, 1))
+        follow, alone = solve @ self.by_theta, (solve @ self.r[:, :, None])[:, :, 0]
+        left = self.by_theta - self.by_start @ follow
+        transposed = left.transpose(0, 2, 1)
+        information = self.by_theta.transpose(0, 2, 1) @ left
+        gradients = (transposed @ self.r[:, :, None])[:, :, 0]
+        return information, gradients, follow, alone
+
+    def off_starts(self, columns: FloatArray) -> FloatArray:
+        """(W, M, K) columns with what start states could follow taken off."""
+        fitted = np.linalg.solve(self.gram(), self.by_start.transpose(0, 2, 1) @ columns)
+        return np.asarray(columns - self.by_start @ fitted)
+
+
+class Shooting:
+    """The windows of a problem under one noise model; every fit of a hypothesis to them."""
+
+    def __init__(self, problem: Problem, noise: Noise | None = None) -> None:
+        self.problem = problem
+        shape = problem.windows.measured.shape
+        base = np.asarray(problem.root_weights, dtype=float) * np.ones(shape)
+        self.base_weights = base
+        ones = np.ones(shape[2])
+        self.noise = noise or Noise(np.maximum(problem.floor, 1e-300), ones, base)
+        self._nudges = STATE_STEP * problem.scale
+        self.simulations = 0
+
+    # What a hypothesis leaves
+
+    def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
+        """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts."""
+        self.simulations += len(thetas)
+        problem = self.problem
+        chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+        said = problem.simulated(chain, problem.windows, starts, hypothesis.spread, thetas)
+        gap = problem.simulator.gap(problem.windows.measured[None], said)
+        gap[:, ~problem.counted] = 0.0
+        return np.asarray(gap)
+
+    def costs(self, residual: FloatArray) -> FloatArray:
+        """(..., W) half the sum of squares of residuals (..., W, L + 1, S) [nats]."""
+        white = residual * self.noise.whitening
+        out = 0.5 * np.einsum("...wls,...wls->...w", white, white)
+        return np.asarray(np.where(np.isfinite(out), out, 1e30))
+
+    def at(self, hypothesis: Hypothesis, starts: FloatArray) -> Fit:
+        """A hypothesis as it is."""
+        residual = self.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+        own = coordinates(hypothesis.parameters)
+        z = own.of(hypothesis.theta)
+        size = len(z)
+        nothing = np.zeros((len(starts), size, size)), np.zeros((len(starts), size))
+        return Fit(hypothesis, z, starts, residual, self.costs(residual), prior(own, z), self.noise, *nothing)
+
+    def counted(self, point: Fit) -> Fit:
+        """The same place under the noise as it is now."""
+        return replace(point, costs=self.costs(point.residuals), noise=self.noise)
+
+    # Slopes
+
+    def slopes(self, point: Fit, own: Coordinates | None = None, parameters: bool = True) -> Slopes:
+        """By finite differences, all in one batch."""
+        own = own or coordinates(point.hypothesis.parameters)
+        problem, n = self.problem, point.starts.shape[1]
+        p = len(own.parameters) if parameters else 0
+        zs, copies = np.tile(point.z, (n + p, 1)), np.tile(point.starts, (n + p, 1, 1))
+        steps = np.empty(n + p)
+        for i in range(n):
+            steps[i] = self._nudges[i]
+            copies[i, :, i] += steps[i]
+        widths = step_sizes(point.hypothesis, own) if p else np.empty(0)
+        for j in range(p):
+            steps[n + j] = widths[j] if point.z[j] + widths[j] <= own.high[j] else -widths[j]
+            zs[n + j, j] += steps[n + j]
+        moved = self.residuals(point.hypothesis, own.natural(zs), copies)
+        white = self.noise.whitening
+        with np.errstate(all="ignore"):
+            columns = (point.residuals - moved) * white / steps[:, None, None, None]
+        columns = np.nan_to_num(columns, nan=0.0, posinf=0.0, neginf=0.0)
+        flat = columns.reshape(n + p, len(point.starts), -1).transpose(1, 2, 0)
+        r = (point.residuals * white).reshape(len(point.starts), -1)
+        return Slopes(r, np.ascontiguousarray(flat[:, :, n:]), np.ascontiguousarray(flat[:, :, :n]))
+
+    # Fits
+
+    def fit(self, point: Fit, rounds: int = 8, tolerance: float = TOLERANCE) -> Fit:
+        """From a point to where nothing gains `tolerance` nats any more, in so many rounds at most."""
+        own = coordinates(point.hypothesis.parameters)
+        held = np.diag(1.0 / own.prior**2) if len(own.prior) else np.zeros((0, 0))
+        damping, per_window = 1e-3, np.full(len(point.starts), 1e-6)
+        for _ in range(rounds):
+            slopes = self.slopes(point, own)
+            by_window, gradients, follow, alone = slopes.projected(per_window)
+            information = by_window.sum(axis=0) + held
+            pull = gradients.sum(axis=0) - held @ (point.z - own.centre)
+            before = point.cost
+            point = replace(point, by_window=by_window, gradients=gradients)
+            for _attempt in range(ATTEMPTS):
+                move = bounded_step(information, pull, damping, point.z, own.low, own.high)
+                new, better = self._moved(point, own, point.z + move, alone + point.starts - follow @ move)
+                per_window = np.where(
+                    better, np.maximum(per_window / 5, 1e-9), np.minimum(per_window * 10, 10.0)
+                )
+                if new.cost < point.cost:
+                    point, damping = new, max(damping / 5, 1e-7)
+                    break
+                damping = min(damping * 8, 1e6)
+                if not len(move):
+                    break
+            point = self._starts_alone(point, slopes, per_window)
+            if before - point.cost < tolerance:
+                break
+        return point
+
+    def _moved(
+        self, point: Fit, own: Coordinates, z: FloatArray, starts: FloatArray
+    ) -> tuple[Fit, FloatArray]:
+        """The point at z, each window from its new start state or, where that is worse, its old one."""
+        z = np.clip(z, own.low, own.high)
+        theta = own.natural(z)
+        residual = self.residuals(point.hypothesis, theta[None], starts[None])[0]
+        costs = self.costs(residual)
+        better = costs <= point.costs + 1e-9
+        if not better.all():
+            old = self.residuals(point.hypothesis, theta[None], point.starts[None])[0]
+            back = self.costs(old)
+            worse = back < costs
+            starts = np.where(worse[:, None], point.starts, starts)
+            residual = np.where(worse[:, None, None], old, residual)
+            costs = np.minimum(back, costs)
+        moved = point.hypothesis.having(theta)
+        new = replace(
+            point, hypothesis=moved, z=z, starts=starts, residuals=residual, costs=costs, prior=prior(own, z)
+        )
+        return new, better
+
+    def _starts_alone(self, point: Fit, slopes: Slopes, damping: FloatArray) -> Fit:
+        """A step of the start states with the parameters held, kept window by window."""
+        gram = slopes.gram(damping)
+        r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)
+        step = np.linalg.solve(gram, slopes.by_start.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0]
+        starts = point.starts + step
+        residual = self.residuals(point.hypothesis, point.hypothesis.theta[None], starts[None])[0]
+        costs = self.costs(residual)
+        better = costs < point.costs
+        return replace(
+            point,
+            starts=np.where(better[:, None], starts, point.starts),
+            residuals=np.where(better[:, None, None], residual, point.residuals),
+            costs=np.minimum(costs, point.costs),
+        )
+
+    # Noise
+
+    def told_by(self, residual: FloatArray) -> None:
+        """Set the noise to what a fit leaves (W, L + 1, S): never less than is known, more where that is correlated."""
+        problem, seen = self.problem, self.problem.counted
+        white, times = problem.floor.copy(), np.ones(len(problem.floor))
+        weights = self.base_weights.copy()
+        for i in np.flatnonzero(problem.observed):
+            own = residual[..., i][seen[..., i]]
+            spread = 1.4826 * float(np.median(np.abs(own))) if len(own) else 0.0
+            sd = (
+                float(np.sqrt(np.mean(np.minimum(own**2, (CORE * spread + 1e-300) ** 2))))
+                if len(own)
+                else 0.0
+            )
+            white[i] = max(problem.floor[i], sd, 1e-300)
+            z = np.abs(residual[..., i]) / white[i]
+            weights[..., i] *= np.sqrt(OUTLYING / np.maximum(z, OUTLYING))
+            times[i] = correlated(residual[..., i] * weights[..., i], seen[..., i])
+        self.noise = Noise(white, times, weights)
+
+
+def prior(own: Coordinates, z: FloatArray) -> float:
+    """Nats that sizes cost a priori."""
+    return float(0.5 * (((z - own.centre) / own.prior) ** 2).sum()) if len(z) else 0.0
+
+
+def step_sizes(hypothesis: Hypothesis, own: Coordinates) -> FloatArray:
+    """(P,) by how much coordinates are moved to see their slopes."""
+    out, at = np.empty(len(own.parameters)), 0
+    for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True):
+        dry = getattr(term.effect, "dry", False)
+        for p in group:
+            share = (
+                STEP_OF_JUMPS
+                if p.falls or p.step is not None or len(p.starts) > 1
+                else STEP_OF_DRY
+                if dry
+                else STEP
+            )
+            out[at] = share * own.scale[at]
+            at += 1
+    return out
+
+
+def bounded_step(
+    information: FloatArray,
+    pull: FloatArray,
+    damping: float,
+    z: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> FloatArray:
+    """(P,) the damped step; what a bound would stop stands still and the others adapt."""
+    move = np.zeros(len(z))
+    if not len(z):
+        return move
+    diagonal = np.maximum(np.diag(information), 1e-12)
+    scale = 1.0 / np.sqrt(diagonal)
+    normal = information * scale[:, None] * scale + (damping + 1e-12) * np.eye(len(z))
+    free = np.ones(len(z), dtype=bool)
+    for _ in range(3):
+        move[:] = 0.0
+        at = np.flatnonzero(free)
+        if not len(at):
+            break
+        move[at] = np.linalg.lstsq(normal[np.ix_(at, at)], (pull * scale)[at], rcond=1e-12)[0] * scale[at]
+        stopped = free & (((z <= low) & (move < 0)) | ((z >= high) & (move > 0)))
+        if not stopped.any():
+            break
+        free &= ~stopped
+    return np.clip(z + move, low, high) - z
+
+
+def correlated(residual: FloatArray, counted: FloatArray) -> float:
+    """The integrated autocorrelation time of residuals (W, L + 1) within windows, at least 1 (Sokal 1997)."""
+    power = float((residual**2).sum()) / max(float(counted.sum()), 1.0)
+    total = 1.0
+    for lag in range(1, residual.shape[1] // 2 + 1):
+        pairs = counted[:, lag:] & counted[:, :-lag]
+        rho = float((residual[:, lag:] * residual[:, :-lag] * pairs).sum()) / max(float(pairs.sum()), 1.0)
+        rho /= max(power, 1e-300)
+        if rho < 0.05:
+            break
+        total += 2.0 * rho
+    return total
+
+
+def fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    starts: FloatArray | None = None,
+    rounds: int = 8,
+    noise: Noise | None = None,
+    tolerance: float = TOLERANCE,
+) -> Fit:
+    """A hypothesis fitted to a problem's windows, from its values and start states (W, S), those measured without any.
+
+    noise: what residuals count by; without one it is told by what the fit leaves halfway.
+    """
+    shooting = Shooting(problem, noise)
+    found = shooting.at(hypothesis, np.array(problem.windows.measured[:, 0] if starts is None else starts))
+    if not len(problem.windows):
+        return found
+    if noise is None:
+        shooting.told_by(found.residuals)
+        found = shooting.fit(shooting.counted(found), max(rounds // 2, 1), tolerance)
+        shooting.told_by(found.residuals)
+        found = shooting.counted(found)
+    return shooting.fit(found, rounds, tolerance)

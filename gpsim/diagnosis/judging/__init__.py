@@ -1,0 +1,28 @@
+"""Judging: how much an account explains, what each effect is worth, its rivals, and what may be said of it."""
+
+from gpsim.diagnosis.judging.attribution import SEED, Attribution, attribute, explained_by
+from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, probabilities_of, rivals_among
+from gpsim.diagnosis.judging.judges import RolloutJudge, judge_at
+from gpsim.diagnosis.judging.rollout_windows import rollouts_in
+from gpsim.diagnosis.judging.shares import draws
+from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, verdict_of
+
+__all__ = [
+    "SEED",
+    "Attribution",
+    "Judgement",
+    "RolloutJudge",
+    "Tried",
+    "attribute",
+    "beats_the_base",
+    "claimed",
+    "doubts_of",
+    "draws",
+    "explained_by",
+    "judge_at",
+    "odds_against",
+    "probabilities_of",
+    "rivals_among",
+    "rollouts_in",
+    "verdict_of",
+]

@@ -1,0 +1,140 @@
+"""Attribution: how much of the mismatch the account explains, how much each effect is, and which of them are claims.
+
+A headline accounts for a twentieth of the mismatch and is needed: something surely goes when it goes, and more than the
+account leaves. So is an effect without which some channel's error grows fourfold, or which decides in several blocks,
+however little that is of the whole: where the base is far off in one channel, shares of the whole say nothing of others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import Fit, Hypothesis
+from gpsim.diagnosis.judging.importance import importances, players
+from gpsim.diagnosis.judging.judges import Judge, rollout_judge, window_judge
+from gpsim.diagnosis.judging.shares import LOW, TINY, Mismatch
+from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
+from gpsim.diagnosis.settings import VerdictSettings
+from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
+
+SEED = 2040  # of the draws: the same account is judged alike, whoever asks
+DECIDES = (
+    4.0  # times the squares with an effect, or those of noise: so large are they without it where it decides
+)
+SELDOM = 5
+"""Blocks in which an effect decides that is a headline for that: a limit that is seldom reached, say."""
+OF_LEFT = (
+    5.0  # or times what the account leaves, that goes when an effect goes, if that is less than `needed`
+)
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """What an account is worth.
+
+    explained: of the mismatch; importance, needed, roles: of each of its terms; judge: what it was judged by; noise:
+    (S,) the sensors' noise; squares: (B, S) what the account leaves.
+    """
+
+    explained: Explained
+    importance: tuple[Share, ...]
+    needed: tuple[Share, ...]
+    roles: tuple[Role, ...]
+    judge: Judge = field(repr=False)
+    noise: FloatArray = field(repr=False)
+    squares: FloatArray = field(repr=False)
+
+    @property
+    def share(self) -> Share:
+        """What is explained over all channels that count."""
+        return self.explained.rollout or Share(0.0)
+
+
+def explained_by(question: Question, leader: Fit, null: Fit) -> Explained:
+    """Which share of the mismatch an account takes off in a recording that nothing of it was learnt from."""
+    judge, counts, _ = _judge(question, leader, null)
+    squares = judge.squares([[leader.hypothesis]])[0]
+    names = question.everything.simulator.state.names
+    return _explained(judge.mismatch, squares, names, judge.judged_on, counts)
+
+
+def attribute(question: Question, leader: Fit, null: Fit, without: Sequence[Hypothesis]) -> Attribution:
+    """Judge an account on what it did not learn from.
+
+    null: the base, integrated as the account is; without: the account without each of its terms, all others fitted.
+    """
+    judge, counts, noise = _judge(question, leader, null)
+    if not leader.hypothesis.terms:
+        nothing = Explained(rollout=Share(0.0, 0.0, 0.0), judged_on=judge.judged_on, counts=counts)
+        return Attribution(nothing, (), (), (), judge, noise, judge.mismatch.before)
+    mismatch, problem = judge.mismatch, question.everything
+    squares, whole = judge.squares([judge.leaders, [leader.hypothesis]])
+    overall, all_of_it = mismatch.overall(squares), mismatch.overall(whole)
+    explained = _explained(mismatch, squares, problem.simulator.state.names, judge.judged_on, counts)
+    less = judge.squares([[part] for part in without])
+    lost = all_of_it - mismatch.overall(less)
+    dear = closed(problem.simulator) is not None
+    parts = importances(judge, leader.hypothesis, all_of_it, overall, lost[:, 0], dear=dear)
+    importance = tuple(mismatch.share(values) for values in parts)
+    needed = tuple(mismatch.share(values) for values in lost)
+    together = np.empty(len(parts))
+    for group in players(leader.hypothesis):
+        together[list(group)] = parts[list(group), 0].sum()
+    left, settings = 1.0 - float(overall[0]), problem.run.settings.verdict
+    roles = tuple(
+        role_of(
+            float(t), need, left, _deciding(mismatch, whole, part), _growth(mismatch, whole, part), settings
+        )
+        for t, need, part in zip(together, needed, less, strict=True)
+    )
+    return Attribution(explained, importance, needed, roles, judge, noise, squares)
+
+
+def role_of(
+    importance: float, needed: Share, left: float, decided: int, grows: float, settings: VerdictSettings
+) -> Role:
+    """By the rule above. left: of the mismatch; decided: blocks in which it decides; grows: see `_growth`."""
+    if grows >= DECIDES and decided >= SELDOM:
+        return "headline"
+    surely = needed.share if needed.low is None else needed.low
+    enough = needed.share >= min(settings.needed, OF_LEFT * left)
+    if surely <= 0.0 or not enough:
+        return "slight"
+    decides = decided >= SELDOM and needed.share >= OF_LEFT * left
+    return "headline" if decides or importance >= settings.headline else "slight"
+
+
+def _judge(question: Question, leader: Fit, null: Fit) -> tuple[Judge, bool, FloatArray]:
+    """Rollouts where they show the mismatch, else the fit's windows; whether they do; the sensors' noise (S,)."""
+    rng = np.random.default_rng(SEED)
+    rolled, noise = rollout_judge(question, leader, null, rng)
+    counts = bool(rolled.mismatch.counts.any())
+    return rolled if counts else window_judge(question, leader, null, noise, rng), counts, noise
+
+
+def _explained(
+    mismatch: Mismatch, squares: FloatArray, names: Sequence[str], judged_on: JudgedOn, counts: bool
+) -> Explained:
+    every = mismatch.by_channel(squares)
+    channels = {name: mismatch.share(every[:, i]) for i, name in enumerate(names) if mismatch.counts[i]}
+    overall = mismatch.share(mismatch.overall(squares)) if channels else None
+    return Explained(rollout=overall, channels=channels, judged_on=judged_on, counts=counts)
+
+
+def _deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> int:
+    """In how many blocks an effect decides: without it (B, S) far more is left than with it, and than noise makes."""
+    clearly = without > DECIDES * np.maximum(squares, mismatch.floor)
+    return int((clearly & mismatch.counts & (without > 0)).any(axis=1).sum())
+
+
+def _growth(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> float:
+    """By how much, surely, the squared error of some channel grows without an effect: the largest of the channels."""
+    left, less, floor = (mismatch.sums(s) for s in (squares, without, mismatch.floor))
+    ratio = np.maximum(less, floor) / np.maximum(np.maximum(left, floor), TINY)
+    sure = np.quantile(ratio[1:], LOW, axis=0)
+    return float(np.max(sure[mismatch.counts], initial=0.0))

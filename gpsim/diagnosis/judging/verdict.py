@@ -1,0 +1,165 @@
+"""The verdict: what may be said of an account, by how much of the mismatch it explains.
+
+Whether something is left over is another question: with a real robot, or a clean sensor, something always is. The first
+that holds:
+
+1. `none`: no law stands, and nothing is left that chance would not make, or it shows in no channel.
+2. `unknown`: the laws surely explain less than `half`, or are worse than the base on held-out data.
+3. `partial`: they explain less than `nearly_all`, or a measured curve holds a tenth of it, or a headline's size is not
+   known, stopped at its bound or is one that no machine has, or none is a claim by itself.
+4. `ambiguous`: a rival that lacks a headline effect is within `odds`.
+5. `named`.
+
+What curves and the Gaussian process still gain is told as what is left, and is no reason for another name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from gpsim.diagnosis.judging.attribution import Attribution
+from gpsim.diagnosis.judging.judgement import Judgement, odds_against
+from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, Share, StepErrors, Verdict, no_size, sized
+from gpsim.diagnosis.settings import Known, Settings
+from gpsim.effects import Measured
+
+MUCH_MORE = 0.25  # of the account's error, that a model which names nothing surely takes off
+WORSE_ONE_STEP = 1.2
+"""Times the base's error one step ahead: an account that surely makes more of it is not told."""
+IMPLAUSIBLE = 2.0  # times beyond the usual sizes: a headline so far out is not named
+
+
+def claimed(
+    judgement: Judgement, attribution: Attribution, sizes: Sequence[Mapping[str, Estimate]]
+) -> tuple[str, ...]:
+    """The roles, in which an effect of whose size nothing is known is no claim: another could stand for it."""
+    terms = judgement.leader.hypothesis.terms
+    return tuple(
+        "slight" if no_size(t.family, own) else role
+        for t, own, role in zip(terms, sizes, attribution.roles, strict=True)
+    )
+
+
+def doubts_of(
+    judgement: Judgement,
+    attribution: Attribution,
+    forms: Sequence[Form],
+    sizes: Sequence[Mapping[str, Estimate]],
+    box: BlackBox | None,
+    settings: Settings,
+) -> tuple[Doubt, ...]:
+    """What keeps an account with effects from being named; none where it may be."""
+    return tuple(_doubts(judgement, attribution, forms, sizes, box, settings))
+
+
+def _doubts(
+    judgement: Judgement,
+    attribution: Attribution,
+    forms: Sequence[Form],
+    sizes: Sequence[Mapping[str, Estimate]],
+    box: BlackBox | None,
+    settings: Settings,
+) -> Iterator[Doubt]:
+    leader, numbers = judgement.leader.hypothesis, settings.verdict
+    claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
+    if not leader.terms:
+        return
+    if misses(judgement, attribution, numbers.nearly_all):
+        yield "left"
+    if any(forms[i] == "approximate" for i in claims):
+        yield "form"
+    if box is not None and _at_least(box.takes_off) > MUCH_MORE and _at_most(attribution.share) < 1 - LITTLE:
+        yield "black box"
+    if any(estimate.at_bound for i in claims for estimate in sizes[i].values()):
+        yield "bound"
+    if not all(sized(leader.terms[i].family, sizes[i]) for i in claims):
+        yield "size"
+    if any(leader.times_beyond(i) >= IMPLAUSIBLE for i in claims):
+        yield "implausible"
+    if not claims:
+        yield "no claim"
+    odds = [odds_against(judgement.ranking, leader, leader.terms[i].identity).nats for i in claims]
+    if any(nats is not None and nats < math.log(numbers.odds) for nats in odds):
+        yield "odds"
+
+
+LITTLE = (
+    0.05  # of the mismatch: where less is left, what a black box makes of it is no reason to doubt a name
+)
+
+
+def curves_hold(judgement: Judgement, attribution: Attribution) -> float:
+    """Which share of the mismatch measured curves account for."""
+    terms = judgement.leader.hypothesis.terms
+    return sum(
+        s.share for t, s in zip(terms, attribution.importance, strict=True) if isinstance(t.effect, Measured)
+    )
+
+
+def verdict_of(
+    judgement: Judgement,
+    attribution: Attribution,
+    doubts: Collection[Doubt],
+    settings: Settings,
+    known: Known,
+) -> Verdict:
+    """By the rules above; whether the account beats the base was asked before."""
+    numbers = settings.verdict
+    if not judgement.leader.hypothesis.terms:
+        something = attribution.explained.counts and (judgement.structured or known.only or known.without)
+        return "unknown" if something else "none"
+    if misses(judgement, attribution, numbers.half):
+        return "unknown"
+    if (
+        any(doubt != "odds" for doubt in doubts)
+        or curves_hold(judgement, attribution) > settings.curves.tenth
+    ):
+        return "partial"
+    return "ambiguous" if doubts or _contested(judgement, attribution, numbers.odds) else "named"
+
+
+def _contested(judgement: Judgement, attribution: Attribution, odds: float) -> bool:
+    """Whether a rival within the odds lacks one of the headline effects."""
+    leader = judgement.leader.hypothesis
+    headlines = {
+        on
+        for t, role in zip(leader.terms, attribution.roles, strict=True)
+        if role == "headline"
+        for on in _places(t)
+    }
+    own, *others = judgement.probabilities
+    return any(
+        headlines - rival.hypothesis.claims and p * odds > own
+        for rival, p in zip(judgement.rivals, others, strict=True)
+    )
+
+
+def _places(term: object) -> set[tuple[str, str]]:
+    return {(term.family, on) for on in term.places}  # type: ignore[attr-defined]
+
+
+def misses(judgement: Judgement, attribution: Attribution, enough: float) -> bool:
+    """Whether surely less than `enough` is explained, and there is something to explain."""
+    something = attribution.explained.counts or judgement.structured
+    return something and _at_most(attribution.share) < enough
+
+
+def beats_the_base(attribution: Attribution, one_step: Collection[StepErrors]) -> bool:
+    """Whether an account explains something, and is not surely worse one step ahead in some rate."""
+    if attribution.share.share <= 0.0:
+        return False
+    return not any(_low(e) > WORSE_ONE_STEP for e in one_step) or attribution.share.share > 0.5
+
+
+def _low(errors: StepErrors) -> float:
+    ratio = errors.after_over_before
+    return 0.0 if ratio is None else ratio.ratio if ratio.low is None else ratio.low
+
+
+def _at_most(share: Share) -> float:
+    return share.share if share.high is None else share.high
+
+
+def _at_least(share: Share) -> float:
+    return share.share if share.low is None else share.low

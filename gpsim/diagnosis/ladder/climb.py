@@ -1,0 +1,176 @@
+"""The ladder: from what a recording asks to an account, rung by rung; each rung sees only what those below leave.
+
+0. Facts of the log are taken off beforehand (`gpsim.diagnosis.setup`); pushes from outside, once the usual machine is
+   known.
+1. All that is usual on a machine of the kind is fitted at once, and what does not pay goes.
+2. Unusual laws, beside them, one at a time; a law behind a gate; substitutes of each law in its place.
+3. A measured curve of one input, on top.
+
+The fourth rung, the Gaussian process on the rest, is in `gpsim.diagnosis.assessment`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, whiteness
+from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
+from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
+from gpsim.diagnosis.ladder.curves import curved
+from gpsim.diagnosis.ladder.gates import gated, trimmed
+from gpsim.diagnosis.ladder.laws import Law, laws_of
+from gpsim.diagnosis.ladder.own_values import with_own_values
+from gpsim.diagnosis.ladder.pushes import without_pushes
+from gpsim.diagnosis.ladder.search import Search
+from gpsim.diagnosis.ladder.telling import told
+from gpsim.diagnosis.report import MeasuredCurve
+from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
+
+FINER = 4  # times as many substeps as the search takes, on which what is left is judged
+FINISH = 10  # rounds of the last fit
+WITHOUT = 4  # rounds of the fit of an account with one law less
+BY_CHANCE = 1e-2  # p-value of whiteness below which something is left over
+UNNAMED = 1e-4  # the same where no law stands
+
+Step = Callable[[str, int, str], None]
+
+
+@dataclass(frozen=True)
+class Climbed:
+    """What a climb found: the question as it was asked in the end, the judgement, and the curves of its account."""
+
+    question: Question
+    judgement: Judgement
+    curves: Mapping[tuple[str, str, str], MeasuredCurve]
+
+
+def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
+    """All rungs; raises nothing: where nothing pays, nothing is missing."""
+    run = question.run
+    known, simulator = run.known, question.everything.simulator
+    laws = laws_of(simulator, offers, run.settings.laws, known)
+
+    step("rung 1", 10, "fitting all that is usual at once")
+    search = _usual_machine(question, laws)
+    pushed = without_pushes(question, search)
+    if pushed is not None:
+        question = pushed
+        search = _usual_machine(question, laws)
+    step("rung 1", 30, "asking what could stand in for each law")
+    search.swap()
+    step("rung 2", 45, "looking for what is unusual")
+    search.unusual()
+    search.eliminate()
+    gated(search)
+    search.swap()
+    _finer(search)
+    search.require()
+    search.judge_held_out()
+    step("rung 2", 65, "asking each recording")
+    with_own_values(search)
+    step("rung 3", 70, "asking for measured curves")
+    curves = curved(search, offers)
+    step("account", 75, "fitting the account on all windows")
+    return Climbed(*_finished(question, search), curves)
+
+
+def _usual_machine(question: Question, laws: list[Law]) -> Search:
+    """Rung 1."""
+    search = Search(question.searched, question.held_out, laws)
+    search.usual()
+    search.in_base_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    search.eliminate()
+    return search
+
+
+def _finer(search: Search) -> None:
+    """The account on a finer grid: slight laws that made up for coarse steps go."""
+    problem = search.shooting.problem
+    if closed(problem.simulator) is not None or search.account.hypothesis.scheme != "fine":
+        return
+    for shooting in (search.shooting, search.held_out):
+        shooting.problem = replace(shooting.problem, substeps=FINER * problem.substeps)
+    account = search.account
+    point = search.shooting.at(account.hypothesis, account.fit.starts)
+    search.account = Account(account.laws, search.shooting.fit(point, WITHOUT))
+    search.tell_noise()
+    search.tried.clear()
+
+
+def _finished(question: Question, search: Search) -> tuple[Question, Judgement]:
+    """The account on all windows, in the catalogue's words; the base beside it, and what else was tried."""
+    everything = replace(question.everything, substeps=search.shooting.problem.substeps)
+    question = replace(
+        question, everything=everything, held_out=replace(question.held_out, substeps=everything.substeps)
+    )
+    hypothesis = trimmed(told(search.account), everything)
+    leader = fit(everything, hypothesis, rounds=FINISH)
+    null = fit(everything, Hypothesis(scheme=hypothesis.scheme), rounds=WITHOUT, noise=leader.noise)
+    without = _without(everything, leader)
+    p_value, _ = whiteness(everything, leader)
+    least = BY_CHANCE if hypothesis.terms else UNNAMED
+    left = _left(everything, leader)
+    ranking = _ranking(search, leader.hypothesis)
+    rivals = rivals_among(ranking[1:], leader.hypothesis, question.run.settings.verdict)
+    fits = tuple(fit(everything, r.hypothesis, leader.starts, WITHOUT, leader.noise) for r in rivals)
+    judgement = Judgement(
+        leader,
+        null,
+        tuple(f.hypothesis for f in without),
+        tuple(f.cost - leader.cost for f in without),
+        fits,
+        probabilities_of(rivals),
+        tuple(ranking),
+        leader.noise.white,
+        p_value,
+        p_value < least and left > 0.0,
+    )
+    return question, judgement
+
+
+def _left(problem: Problem, leader: Fit) -> float:
+    """Nats beyond the known noise."""
+    noise = leader.noise
+    counts = (noise.weights > 0).sum(axis=(0, 1))
+    known = 0.5 * float((counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum())
+    return float(leader.costs.sum()) - 1.1 * known
+
+
+def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
+    """The account without each of its terms, the others fitted from where the quadratic says they are."""
+    shooting, out = Shooting(problem, leader.noise), []
+    whole = Account((), leader)
+    around = Quadratic(whole)
+    for i in range(len(leader.hypothesis.terms)):
+        adapted = placed(leader.hypothesis, around.without([i]))
+        plain = leader.hypothesis
+        points = [shooting.at(h.without(i), leader.starts) for h in (adapted, plain)]
+        out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
+    return tuple(out)
+
+
+def _ranking(search: Search, leader: Hypothesis) -> list[Tried]:
+    """All that was tried on the last grid, the leader first, then the best first, one of the same claims each."""
+    own = search.score(search.account)
+    later = search.later(search.account)
+    found = {_key(leader): Tried(leader, 0.0)}
+    for account in sorted(search.tried, key=search.score):
+        hypothesis = told(account)
+        key, behind = _key(hypothesis), search.score(account) - own
+        if key in found or not hypothesis.terms:
+            continue
+        refused = ""
+        if behind < search.verdict.tie:
+            after = search.later(account) - later
+            behind = max(behind + after, after) if behind + after > 0 else behind
+            refused = search.why_not(account) if behind < 0 else ""
+            behind = max(behind, 0.0) if not refused else behind
+        found[key] = Tried(hypothesis, float(behind), refused)
+    first, *others = found.values()
+    return [first, *sorted(others, key=lambda t: t.behind)]
+
+
+def _key(hypothesis: Hypothesis) -> object:
+    return hypothesis.scheme, frozenset((t.identity, t.variant, bool(t.gate)) for t in hypothesis.terms)

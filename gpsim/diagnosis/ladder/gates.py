@@ -1,0 +1,179 @@
+"""Gates: laws that act in a region of a coordinate, since a moment, or since an episode, only.
+
+One gate an account. Where and since when is scanned by lines, edges are then moved while that pays; a gate must take
+half of what is left beyond the noise, since on real logs onsets fit whatever drifts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import Hypothesis, Problem
+from gpsim.diagnosis.ladder.account import Account
+from gpsim.diagnosis.ladder.laws import Law
+from gpsim.diagnosis.ladder.search import CLOSE, FIRST_LOOK, SETTLE, Lines, Search
+from gpsim.effects import Gate, effect_of, has_patch
+
+MOMENTS = 10  # at which a law may have begun, that are scanned
+PLACES = 8  # parts of a coordinate's way, in runs of which a law may act alone
+EARLIEST, LATEST = 0.12, 0.88  # quantiles of time between which something may begin
+MOVES = (0.5, 0.25, 0.12, 0.06)  # of the distance between two places, by which an edge is moved
+PROBED = 3  # gates that are fitted of those that promise most
+
+
+def gated(search: Search) -> None:
+    """The account with one law behind a gate, where that takes off half of what is left."""
+    if search.left() <= search.numbers.gate:
+        return
+    before, now = search.account, search.score(search.account)
+    least = max(search.numbers.gate, search.numbers.share_of_gate * search.left())
+    found = sorted(_promises(search), key=lambda f: -f[0])[:PROBED]
+    best: Account | None = None
+    for gain, law, values in found:
+        if gain < 0.5 * least:
+            continue
+        tried = _with_edges(search, _tried(search, before, law, values))
+        if best is None or search.score(tried) < search.score(best):
+            best = tried
+    if best is None or search.score(best) > now - least:
+        return
+    search.account = best
+    search.say("acts behind a gate", True, best.hypothesis.names[-1], gain=now - search.score(best))
+    search.tell_noise()
+    search.refit(SETTLE)
+    search.eliminate()
+
+
+def _tried(search: Search, account: Account, law: Law, values: Sequence[float]) -> Account:
+    """The account with a gated law, in the place of the same one without a gate where that stands."""
+    same = [i for i, own in enumerate(account.laws) if own.key[:2] == law.key[:2]]
+    laws, hypothesis = account.without(same)
+    laws, hypothesis = (*laws, law), hypothesis.plus(law.term(values), law.candidate.declared)
+    return search.fitted(laws, hypothesis, account.fit.starts, CLOSE)
+
+
+def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
+    """Gain by lines of every law behind every gate that is scanned, with the values to start from."""
+    account, shooting = search.account, search.shooting
+    lines = Lines(shooting.slopes(account.fit), account.fit)
+    for law in search.laws:
+        effect = effect_of(law.candidate.family)
+        stands = next((i for i, own in enumerate(account.laws) if own.key == law.key), None)
+        if not effect.gated or law.candidate.variant or (stands is None and not law.has_slope):
+            continue
+        if effect.drifts or law.fixed:
+            continue
+        values, step = _values(account, law, stands, search)
+        parts = [] if stands is None else [stands]
+        laws, plain = account.without(parts)
+        for gate in _gates(shooting.problem, law):
+            term = replace(law.term(values), gate=gate)
+            hypothesis = plain.plus(term, law.candidate.declared)
+            left = shooting.residuals(hypothesis, hypothesis.theta[None], account.fit.starts[None])[0]
+            white = np.nan_to_num(left * shooting.noise.whitening).reshape(len(account.fit.starts), -1)
+            owned = _priced(search, law, gate)
+            if stands is None:
+                column = (lines.slopes.r - white) / step
+                gain, size = lines.along(column)
+                own = law.candidate.declared[0]
+                if not own.low <= own.none + size <= own.high:
+                    continue
+                start = [own.none + size, *values[1:]]
+                yield gain - search.price(owned), owned, start
+            else:
+                yield lines.gain(white) - (search.price(owned) - search.price(law)), owned, values
+
+
+def _values(account: Account, law: Law, stands: int | None, search: Search) -> tuple[list[float], float]:
+    if stands is not None:
+        return [account.hypothesis.terms[stands].values[p.name] for p in law.candidate.declared], 1.0
+    step, values = search.nudged(law)
+    own = law.candidate.declared[0]
+    return values, (values[0] - own.none) or step
+
+
+def _priced(search: Search, law: Law, gate: Gate) -> Law:
+    """The law behind a gate; friction in a region has a name of its own."""
+    candidate = law.candidate
+    if gate.region and has_patch(candidate.family) and candidate.place.on in gate.region:
+        candidate = replace(candidate, family="local_friction_patch")
+    return replace(law, candidate=candidate, gate=gate, price=law.price + search.numbers.gate)
+
+
+def _gates(problem: Problem, law: Law) -> Iterator[Gate]:
+    """Moments and, of forces on a coordinate, runs of places of its way."""
+    windows = problem.windows
+    t = windows.t[:, 0]
+    if windows.own_clocks:
+        yield from (Gate(since_episode=int(e)) for e in np.unique(windows.episode)[1:])
+    else:
+        yield from (Gate(since=float(x)) for x in np.quantile(t, np.linspace(EARLIEST, LATEST, MOMENTS)))
+    effect, names = effect_of(law.candidate.family), problem.simulator.state.names
+    if effect.site == "force" and law.candidate.place.on in names:
+        column = names.index(law.candidate.place.on)
+        edges = np.quantile(windows.measured[windows.valid][:, column], np.linspace(0.0, 1.0, PLACES + 1))
+        for i in range(PLACES):
+            for j in range(i + 1, PLACES + 1):
+                if j - i < PLACES and edges[j] > edges[i]:
+                    low = float(edges[i]) if i else -1e6
+                    high = float(edges[j]) if j < PLACES else 1e6
+                    yield Gate(region={law.candidate.place.on: (low, high)})
+
+
+def _with_edges(search: Search, account: Account) -> Account:
+    """The account with the edges of its last law's gate where they fit best."""
+    gate, problem = account.laws[-1].gate, search.shooting.problem
+    if gate.since_episode is not None:
+        return account
+    if gate.since is not None:
+        width = float(np.ptp(problem.windows.t)) / (MOMENTS + 2)
+    else:
+        ((on, _),) = gate.region.items()
+        column = problem.simulator.state.names.index(on)
+        width = float(np.ptp(problem.windows.measured[problem.windows.valid][:, column])) / PLACES
+    for share in MOVES:
+        for edge in (0, 1):
+            for sign in (-1.0, 1.0):
+                moved = _moved(account.laws[-1].gate, edge, sign * share * width)
+                if moved is None:
+                    continue
+                tried = _behind(search, account, moved)
+                if tried.fit.cost < account.fit.cost - 0.01:
+                    account = tried
+                    break
+    return account
+
+
+def _moved(gate: Gate, edge: int, by: float) -> Gate | None:
+    if gate.since is not None:
+        return Gate(since=gate.since + by) if edge == 0 else None
+    ((on, ends),) = gate.region.items()
+    if abs(ends[edge]) >= 1e6:
+        return None
+    new = list(ends)
+    new[edge] += by
+    return Gate(region={on: (new[0], new[1])}) if new[0] < new[1] else None
+
+
+def _behind(search: Search, account: Account, gate: Gate) -> Account:
+    last = len(account.laws) - 1
+    laws = (*account.laws[:-1], replace(account.laws[-1], gate=gate))
+    hypothesis: Hypothesis = account.hypothesis.gated(last, gate)
+    return search.fitted(laws, hypothesis, account.fit.starts, FIRST_LOOK)
+
+
+def trimmed(hypothesis: Hypothesis, problem: Problem) -> Hypothesis:
+    """Regions that reach beyond what was visited end there."""
+    names, windows = problem.simulator.state.names, problem.windows
+    for i, term in enumerate(hypothesis.terms):
+        region = {}
+        for on, (low, high) in term.gate.region.items():
+            x: FloatArray = windows.measured[windows.valid][:, names.index(on)]
+            region[on] = (max(low, float(x.min())), min(high, float(x.max())))
+        if region:
+            hypothesis = hypothesis.gated(i, replace(term.gate, region=region))
+    return hypothesis

@@ -1,0 +1,218 @@
+"""What may be missing, as the ladder knows it: which laws are usual for a kind of machine, and what the others cost.
+
+An engineer who identifies a machine starts from all that machines of the kind have, and believes in what they seldom
+have when the recording insists. `USUAL` says what the first is, with the reason; `PRICES` what it takes to insist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from gpsim.diagnosis.fitting import Candidate
+from gpsim.diagnosis.settings import Known, LawSettings
+from gpsim.effects import (
+    RISE,
+    ActuatorEffect,
+    DriveEffect,
+    Gate,
+    SensorEffect,
+    Term,
+    closed,
+    declared,
+    effect_of,
+)
+from gpsim.simulators import Simulator
+
+USUAL: Mapping[str, Mapping[str, str]] = {
+    "coordinate": {
+        "viscous_friction": "bearings and seals are lubricated",
+        "coulomb_friction": "whatever slides or meshes rubs dry, too",
+        "constant_force": "no axis is level, no amplifier without an offset",
+        "parameter_offset": "masses, lengths and stiffnesses are guessed or from a drawing",
+        "actuator_gain": "a drive's constant is from a data sheet",
+        "actuator_delay": "buses, drivers and cameras are late",
+        "armature": "rotors behind gears weigh more than what they move",
+        "joint_offset": "an encoder's zero is where somebody put it",
+        "sensor_bias": "a sensor's zero is where somebody put it",
+    },
+    "vehicle": {
+        "actuator_gain": "wheels wear, and slip a little",
+        "actuator_delay": "radio, driver and camera are late",
+        "actuator_lag": "motors and steering servos take their time",
+        "actuator_saturation": "batteries and steering angles end somewhere",
+        "actuator_rate_limit": "speed controllers ramp",
+        "actuator_bias": "a steering's trim is never exact",
+        "steering_bias": "a car does not drive straight",
+        "understeer": "tyres slip more the faster a car turns",
+        "lateral_slip": "tyres need a slip angle to push sideways",
+        "marker_offset": "a marker is not on the axle",
+        "frame_rotation": "a marker is not glued on straight",
+        "parameter_offset": "wheelbases are measured with a ruler",
+    },
+    "first order": {
+        "parameter_offset": "coefficients of a reduced model are guesses",
+        "actuator_gain": "a pump's constant is from a data sheet",
+        "actuator_delay": "pipes, buses and drivers are late",
+        "sensor_bias": "a sensor's zero is where somebody put it",
+    },
+}
+"""Kind of machine -> family -> why it is usual there."""
+
+KNOWN_WELL = (("parameter_offset", "gravity"),)  # what nobody gets wrong
+
+DRAG = ("quadratic_drag",)
+RARE = (
+    "clock_drift", "wheel_saturation", "torque_speed_limit", "lugre_friction", "flexible_coupling", "cubic_spring",
+    "sensor_lag", "sensor_dead_zone", "sensor_saturation", "gravity_compensation", "gravity_tilt", "load_friction",
+)  # fmt: skip
+"""Families that a machine hardly ever has, or that take three numbers and bend to anything."""
+
+SCANS: Mapping[str, tuple[float, ...]] = {
+    "actuator_delay": (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 12.0),
+    "sensor_delay": (0.5, 1.0, 2.0, 3.0),
+    "actuator_lag": (0.5, 1.0, 2.0, 4.0, 8.0, 16.0),
+    "sensor_lag": (0.5, 1.0, 2.0),
+    "actuator_dead_zone": (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5),
+    "actuator_dead_band": (0.03, 0.08, 0.15, 0.25),
+    "actuator_saturation": (0.95, 0.85, 0.75, 0.65, 0.5, 0.4, 0.3),
+    "actuator_backlash": (0.03, 0.06, 0.1, 0.2, 0.3),
+    "actuator_rate_limit": (0.8, 0.6, 0.45, 0.33, 0.2, 0.12, 0.07, 0.04),
+}
+"""Family -> where a first parameter that has no slope at nothing is looked for: in steps, or of what was commanded."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law on offer: a candidate, whether it is usual there, and what it must bring beside its parameters [nats].
+
+    starts: values of all its parameters from which it is looked for where it has no slope at nothing, else none.
+    free: it costs nothing but its parameters: the user requires it. gate: where it acts; fixed: values that are not
+    fitted; owned: whether its simulator owns its integration.
+    """
+
+    candidate: Candidate
+    usual: bool
+    price: float
+    starts: tuple[tuple[float, ...], ...] = ()
+
+    free: bool = False
+    gate: Gate = field(default_factory=Gate)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    owned: bool = False
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """Family, place and variant."""
+        return *self.candidate.identity, self.candidate.variant
+
+    @property
+    def parameters(self) -> int:
+        """How many numbers it takes, the edges of its gate among them."""
+        edges = (
+            2 * len(self.gate.region) + (self.gate.since is not None) + (self.gate.since_episode is not None)
+        )
+        return len(self.candidate.declared) + edges
+
+    @property
+    def merges(self) -> bool:
+        """Whether it is told together with the law beside it: of a robot's joint both are told."""
+        return not self.owned
+
+    @property
+    def has_slope(self) -> bool:
+        """Whether its size can be told from its slope where it does nothing."""
+        return not self.starts
+
+    def term(self, values: Sequence[float]) -> Term:
+        """The law with values of its parameters."""
+        term = self.candidate.term(values)
+        return replace(term, values={**self.fixed, **term.values}, gate=self.gate)
+
+    @property
+    def name(self) -> str:
+        """What it claims, in words."""
+        return self.candidate.name
+
+
+def laws_of(
+    simulator: Simulator, offers: Sequence[Candidate], numbers: LawSettings, known: Known
+) -> list[Law]:
+    """The laws on offer, the usual ones first; what the user requires costs nothing."""
+    usual = USUAL[kind_of(simulator)]
+    owned = closed(simulator) is not None
+    out = [
+        replace(_law(_as_fitted(c), usual, numbers, known), owned=owned) for c in offers if not c.only_gated
+    ]
+    return sorted(out, key=lambda law: (not law.usual, effect_of(law.candidate.family).site != "parameter"))
+
+
+def kind_of(simulator: Simulator) -> str:
+    """Which table of usual laws a simulator goes by: what it declares, else the one of its sites."""
+    declared: str | None = getattr(simulator, "kind", None)
+    if declared in USUAL:
+        return str(declared)
+    if {"v", "v_lateral", "w"} <= set(simulator.rate.names):
+        return "vehicle"
+    return "coordinate" if simulator.coordinates else "first order"
+
+
+def _law(candidate: Candidate, table: Mapping[str, str], numbers: LawSettings, known: Known) -> Law:
+    family, required = candidate.family, known.requires(candidate.identity)
+    usual = family in table and not candidate.variant and candidate.identity not in KNOWN_WELL
+    usual = known.usual_there(candidate.identity, usual)
+    price = 0.0 if usual or required else numbers.unusual
+    if not usual and not required:
+        price = (
+            numbers.drag
+            if family in DRAG
+            else numbers.rare
+            if family in RARE or candidate.identity in KNOWN_WELL
+            else price
+        )
+    fixed = {}
+    if family == "spring":  # where it rests a constant force says: both would be fitted by lines
+        stiffness, rest = candidate.declared
+        fixed = {rest.name: rest.starts[0]}
+        candidate = replace(candidate, declared=(stiffness,))
+    return Law(candidate, usual or required, price, _starts(candidate), required, fixed=fixed)
+
+
+def _as_fitted(candidate: Candidate) -> Candidate:
+    """Of Stribeck friction what it adds to the dry friction beside it."""
+    if candidate.family != "stribeck_friction" or candidate.variant:
+        return candidate
+    own = declared(effect_of(candidate.family), candidate.place, RISE)
+    return replace(candidate, variant=RISE, declared=own)
+
+
+def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
+    """Where a law without a slope at nothing is looked for."""
+    effect, first = effect_of(candidate.family), candidate.declared[0]
+    others = tuple(p.starts[0] for p in candidate.declared[1:])
+    factors = SCANS.get(candidate.family)
+    if factors:
+        unit = candidate.place.dt if first.unit == "s" else candidate.place.span
+        if candidate.family == "actuator_rate_limit":
+            unit = candidate.place.span / candidate.place.dt
+        values = [f * unit for f in factors if first.low < f * unit < first.high]
+        return tuple((v, *others) for v in values)
+    smooth = isinstance(effect, (ActuatorEffect, DriveEffect, SensorEffect)) or len(candidate.declared) == 1
+    if smooth and not first.falls and len(first.starts) == 1 and first.step is None:
+        return ()
+    paired = [p for p in candidate.declared[1:] if p.paired]
+    if paired:
+        rows = zip(*(p.starts for p in candidate.declared if len(p.starts) == len(first.starts)), strict=True)
+        return tuple(
+            tuple(
+                row[[q for q in candidate.declared if len(q.starts) == len(first.starts)].index(p)]
+                if len(p.starts) == len(first.starts)
+                else p.starts[0]
+                for p in candidate.declared
+            )
+            for row in rows
+        )
+    out = [(v,) for v in first.starts]
+    for p in candidate.declared[1:]:
+        out = [(*row, v) for row in out for v in p.starts]
+    return tuple(out)

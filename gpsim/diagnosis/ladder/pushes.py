@@ -1,0 +1,138 @@
+"""Pushes: moments at which something from outside acted, a hand, a bump, a wheel that leaves the ground.
+
+One such moment may cost a fit more than all others together, and buys laws that say nothing of the machine. A window is
+left out where the usual machine misses it by far more than all others, where few are, and where the same places and
+commands were met elsewhere without anything of the sort: what a law of the machine does, it does again. A stop that is
+hit once counts as such a bump, unless that happens at an end of the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting import Problem
+from gpsim.diagnosis.ladder.search import Search
+from gpsim.diagnosis.report import LogFact
+from gpsim.diagnosis.setup import Question
+from gpsim.recordings import Episode
+
+TIMES = 50.0  # the median window's cost, that such a window's is at least: seven times the usual error
+MOST = 0.03  # of all windows, that may be left out: where more are missed it is no accident
+RULES = 0.5  # of what all windows cost, that those left out cost together: others rule no fit
+FEWEST = 20  # windows: of fewer nobody can say what is usual
+ELSEWHERE = (
+    0.99  # quantile of how far samples lie from those of other windows: nearer ones were met elsewhere
+)
+AT_AN_END = 0.1  # of a coordinate's way, that counts as its end
+
+
+def without_pushes(question: Question, search: Search) -> Question | None:
+    """The question without these moments, and what is said of them; None where there are none."""
+    problem = search.shooting.problem
+    windows = problem.windows
+    if len(windows) < FEWEST:
+        return None
+    plain = search.shooting.base_weights / search.shooting.noise.white
+    squares = ((search.account.fit.residuals * plain) ** 2).sum(axis=2)
+    costs = squares.sum(axis=1) / np.maximum(windows.valid.sum(axis=1), 1)
+    far = costs > TIMES * np.median(costs)
+    if not _few_that_rule(costs, far):
+        return None
+    far &= _inside_the_way(problem, squares.argmax(axis=1)) & _met_elsewhere(problem, far)
+    if not _few_that_rule(costs, far):
+        return None
+    spans = [
+        (int(e), float(t[0]), float(t[valid][-1]))
+        for e, t, valid in zip(windows.episode[far], windows.t[far], windows.valid[far], strict=True)
+    ]
+    inside = [_inside(i, e.t, spans) for i, e in enumerate(question.recording.episodes)]
+    episodes = tuple(_without(e, rows) for e, rows in zip(question.recording.episodes, inside, strict=True))
+    count, first = sum(int(rows.sum()) for rows in inside), min(begin for _, begin, _ in spans)
+    fact = LogFact("pushed", count=count, value=first + question.origin, unit="s")
+
+    def kept(part: Problem) -> Problem:
+        own = part.windows
+        hit = [
+            any(e == s[0] and t[0] <= s[2] and t[-1] >= s[1] for s in spans)
+            for e, t in zip(own.episode, own.t, strict=True)
+        ]
+        return part.on(own.take(~np.array(hit, dtype=np.bool_)))
+
+    return replace(
+        question,
+        recording=replace(question.recording, episodes=episodes),
+        everything=kept(question.everything),
+        searched=kept(question.searched),
+        held_out=kept(question.held_out) if len(question.held_out.windows) else question.held_out,
+        facts=(*question.facts, fact),
+    )
+
+
+def _few_that_rule(costs: FloatArray, which: BoolArray) -> bool:
+    """Whether some windows, and few of them, cost most of what all cost."""
+    few = 0 < int(which.sum()) <= max(MOST * len(costs), 1.0)
+    return few and float(costs[which].sum()) >= RULES * float(costs.sum())
+
+
+def _inside_the_way(problem: Problem, when: FloatArray) -> BoolArray:
+    """(W,) whether that sample lies off both ends of the way of every coordinate, where stops are."""
+    state = problem.simulator.state
+    names = [c.name for c in problem.simulator.coordinates]
+    columns = [i for i, c in enumerate(state) if c.name in names and not c.wraps]
+    x = problem.windows.measured[..., columns]
+    rows = x.reshape(-1, len(columns))
+    if not columns:
+        return np.ones(len(x), dtype=np.bool_)
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    margin = AT_AN_END * (high - low)
+    moment = x[np.arange(len(x)), when]
+    return np.asarray(((moment > low + margin) & (moment < high - margin)).all(axis=1))
+
+
+def _met_elsewhere(problem: Problem, far: BoolArray) -> BoolArray:
+    """(W,) whether a window far off lies as near to others in places and commands as is usual."""
+    from scipy.spatial import cKDTree  # most recordings never ask
+
+    points = _points(problem.windows, problem)
+    usual = points[~far]
+    spread = usual.reshape(-1, points.shape[2]).std(axis=0)
+    scale = np.where(spread > 0.0, spread, 1.0)
+    first, second = ((usual[k::2] / scale).reshape(-1, points.shape[2]) for k in (0, 1))
+    within = float(np.quantile(cKDTree(first).query(second)[0], ELSEWHERE))
+    tree = cKDTree((usual / scale).reshape(-1, points.shape[2]))
+    met = np.zeros(len(far), dtype=np.bool_)
+    met[far] = [np.median(tree.query(window / scale)[0]) <= within for window in points[far]]
+    return met
+
+
+def _points(windows: Windows, problem: Problem) -> FloatArray:
+    """(W, L, S + A) places and commands of all windows, and the speeds at which they begin: a push changes speeds."""
+    speeds = {c.velocity for c in problem.simulator.coordinates}
+    parts: list[FloatArray] = []
+    for i, channel in enumerate(problem.simulator.state):
+        x = windows.measured[:, :-1, i]
+        x = np.broadcast_to(x[:, :1], x.shape) if channel.name in speeds else x
+        parts += [np.sin(x), np.cos(x)] if channel.wraps else [x]
+    return np.concatenate([np.stack(parts, axis=-1), windows.actions], axis=-1)
+
+
+def _inside(episode: int, t: FloatArray, spans: Sequence[tuple[int, float, float]]) -> BoolArray:
+    """Which moments [s] of an episode lie in one of the spans."""
+    out = np.zeros(t.shape, dtype=np.bool_)
+    for e, begin, end in spans:
+        if e == episode:
+            out |= (t >= begin) & (t <= end)
+    return out
+
+
+def _without(episode: Episode, inside: BoolArray) -> Episode:
+    if not inside.any():
+        return episode
+    weights = np.ones(episode.states.shape) if episode.weights is None else np.array(episode.weights)
+    weights[inside] = 0.0
+    return replace(episode, weights=weights)

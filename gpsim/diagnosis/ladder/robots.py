@@ -1,0 +1,515 @@
+"""Where the account of a robot begins: usual rows of all joints by one least squares of inverse dynamics.
+
+Recorded motion says what forces the believed model takes for it. What drives give beyond that is linear in every
+joint's viscous and dry friction, rotor and offset, in masses, and in one over a motor's gain (Gautier and Poignet 2001,
+Control Engineering Practice 9(12)). Both sides are compared below one frequency, after the same filter without phase
+(Gautier, Janot and Vandanjon 2013, IEEE Transactions on Control Systems Technology 21(2)). Which frequency, how late
+commands come, and whether motors, servos or a body are off, short simulations decide. Starts come of it, no verdict:
+it looks at the whole recording.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
+from gpsim.effects import ClosedStep, Term, closed
+from gpsim.recordings import Episode, Recording, evenly
+
+BANDS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # times the motion's own frequency, below which motion is kept
+NYQUIST = 0.8  # of it, the highest band
+NARROWER = 1.5  # times lower is the frequency below which forces are compared: no filter's edge is sharp
+ORDER = 3  # of the filter (Butterworth), as if applied forwards and backwards
+FINE = 8.0  # samples a period of the band at least: the sign of a speed jumps
+GAP = 5.0  # samples that are missing, behind which a recording begins anew
+LONGEST, PIECE, SHORTEST = 20_000, 2_000, 60  # samples that are looked at, in evenly spread pieces of so many
+FEWEST = 30  # rows, below which inverse dynamics say nothing
+TURNS = 0.05  # of a joint's usual speed, within which dry friction is taken to turn round
+STICKS = 0.15  # what a row counts while its joint hardly moves: nobody knows how much friction holds it
+HOLDS = 0.95  # quantile of the forces on a joint that stands, which friction holds at least
+BLOCKS, ROUNDS = 16, 4  # of rows, each left out once; of weights by what is left at each joint
+WINDOWS, SOUND = 30, 0.9  # that are simulated to compare, and which part of them counts: the best ones
+STEP, LATEST = 0.005, 0.15  # s, in which delays are scanned, and the longest one
+NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (rows are alike, and so is what is wrong with them); for a delay, beside BIC
+STIFFNESS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.6, 2.5), (0.78, 0.88, 1.12, 1.28)
+"""Of what is believed of servos' gains: where it is looked for, and about the best of these and what is believed."""
+ALIKE, BETTER, SURELY = 0.98, 0.95, 0.8  # of an error: as good; that must be reached; by a model of other bodies
+PARTED = 0.5  # of a prior's deviation, above which the log does not tell a row from nothing
+ROUGHLY = 0.3  # of a size that no blocks size, its deviation
+WIDEST = (-0.75, 3.0)  # of what a gain or a mass is believed to be, the most that it is off
+GAIN, LATE, MASS, STIFF, DRY = "actuator_gain", "actuator_delay", ".mass", ".kp", "coulomb_friction"
+ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, "constant_force": 1.0}
+"""Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
+OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
+
+
+@dataclass(frozen=True)
+class Sized:
+    """What inverse dynamics say: values of parameters by family and place, and their deviations by blocks of the log.
+
+    delay: s, by how much all commands come late; share: of the squared force residual that the rows take off.
+    """
+
+    values: Mapping[tuple[str, str], tuple[float, ...]]
+    deviations: Mapping[tuple[str, str], tuple[float, ...]]
+    delay: float
+    share: float
+
+
+def by_inverse_dynamics(
+    problem: Problem, recording: Recording, candidates: Sequence[Candidate]
+) -> Sized | None:
+    """The usual rows of a simulator that owns its integration, sized by the forces of the whole recording.
+
+    None where they say nothing: a body floats, too little was recorded, or something pushes all the time.
+    """
+    simulator, system = problem.simulator, closed(problem.simulator)
+    if system is None or len(simulator.state) != 2 * len(simulator.coordinates):
+        return None
+    log = _Log(problem, system, recording, tuple(c for c in candidates if not c.variant))
+    every = [forces for band in log.bands if (forces := _Forces(log, band)).enough]
+    if not every:
+        return None
+    trials = _Trials(problem)
+    best = trials.middle([forces.fitted() for forces in every])
+    for ratios in STIFFNESS if log.servos else ():
+        best = trials.better(best, [best.forces.stiffer(ratio).fitted() for ratio in ratios], BETTER)
+    late = best.forces.late()
+    if late > 0.0:
+        later = [replace(forces, stiff=best.forces.stiff).fitted(late) for forces in every]
+        best = trials.better(best, [trials.middle(later)], BETTER)
+    best = trials.better(best, [best.forces.fitted(best.late, kind) for kind in log.kinds], SURELY)
+    for held in range(len(simulator.coordinates)):
+        best = trials.better(best, best.holding(held), BETTER)
+    return best.sized
+
+
+class _Trials:
+    """Short simulations: how far they miss measured positions, in what the base misses."""
+
+    def __init__(self, problem: Problem) -> None:
+        windows, state = problem.windows, problem.simulator.state
+        self._problem = problem.slopes.on(windows.take(evenly(len(windows), WINDOWS)))
+        at = [state.index(c.name) for c in problem.simulator.coordinates]
+        self._seen = [i for i in at if problem.observed[i]]
+        self._usual = self._missed(Hypothesis()).mean(axis=0) + 1e-24
+
+    def _missed(self, hypothesis: Hypothesis) -> FloatArray:
+        """(W, Q) mean squares."""
+        starts = self._problem.windows.measured[None, :, 0]
+        left = self._problem.residuals(hypothesis, hypothesis.theta[None], starts)[0][:, :, self._seen]
+        return np.asarray((np.clip(np.nan_to_num(left, nan=3.0), -3.0, 3.0) ** 2).mean(axis=1))
+
+    def error(self, fit: _Fit) -> float:
+        """The mean over usual windows and all positions."""
+        each = np.sort(np.sqrt(self._missed(fit.hypothesis) / self._usual).mean(axis=1))
+        return float(each[: max(int(SOUND * len(each)), 1)].mean())
+
+    def middle(self, fits: Sequence[_Fit]) -> _Fit:
+        """Of fits in higher and higher bands the middle one of those that are as good as the best."""
+        errors = [self.error(fit) for fit in fits]
+        good = [fit for fit, error in zip(fits, errors, strict=True) if ALIKE * error <= min(errors)]
+        return good[(len(good) - 1) // 2]
+
+    def better(self, fit: _Fit, others: Sequence[_Fit], share: float) -> _Fit:
+        """The best of the others, where it misses less than this share of what the first one misses."""
+        errors = [self.error(other) for other in others]
+        return others[int(np.argmin(errors))] if errors and min(errors) < share * self.error(fit) else fit
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several."""
+
+    candidate: Candidate
+    joint: int
+
+    @property
+    def kind(self) -> str:
+        """Its family, but a body's mass is one by itself."""
+        return MASS if self.candidate.place.on.endswith(MASS) else self.candidate.family
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of its size; what the model has of it is never all of it in error, or light links would whirl."""
+        p = self.candidate.declared[0]
+        return WIDEST if self.kind in OFF else (0.9 * p.low if p.low < 0.0 else 0.0, p.high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Log:
+    """A recording in pieces on an even clock, and what may be asked of it."""
+
+    problem: Problem
+    system: ClosedStep
+    recording: Recording
+    candidates: tuple[Candidate, ...]
+
+    @cached_property
+    def columns(self) -> tuple[IntArray, IntArray]:
+        """Of all coordinates the columns of their positions and of their speeds."""
+        state, coordinates = self.problem.simulator.state, self.problem.simulator.coordinates
+        names = [c.name for c in coordinates], [c.velocity for c in coordinates]
+        return np.array([state.index(n) for n in names[0]]), np.array([state.index(n) for n in names[1]])
+
+    @cached_property
+    def rows(self) -> list[_Row]:
+        """Friction, rotors and offsets of joints whose position was measured."""
+        seen = self.problem.observed[self.columns[0]]
+        joints = {c.name: i for i, c in enumerate(self.problem.simulator.coordinates) if seen[i]}
+        rows = [c for c in self.candidates if c.family in ROWS and c.place.on in joints]
+        return [_Row(c, joints[c.place.on]) for c in rows]
+
+    @cached_property
+    def servos(self) -> list[Candidate]:
+        """The stiffness of position servos."""
+        return [c for c in self.candidates if c.place.on.endswith(STIFF)]
+
+    @cached_property
+    def late(self) -> list[Candidate]:
+        """Late commands, of which there is one delay."""
+        return [c for c in self.candidates if c.family == LATE]
+
+    @cached_property
+    def kinds(self) -> list[list[_Row]]:
+        """What may be off beside rows, one at a time: all motors' gains, or a body's mass; of servos neither.
+
+        What a servo gives has no other measure than the believed bodies.
+        """
+        if self.servos:
+            return []
+        drives: Mapping[str, str] = getattr(self.problem.simulator, "drives", {})
+        joints, driven = [c.name for c in self.problem.simulator.coordinates], list(drives.values())
+        gains = [c for c in self.candidates if c.family == GAIN and drives.get(c.place.on) in joints]
+        alone = [c for c in gains if driven.count(drives[c.place.on]) == 1]
+        masses = [[_Row(c, -1)] for c in self.candidates if c.place.on.endswith(MASS)]
+        return [*([[_Row(c, joints.index(drives[c.place.on])) for c in alone]] if alone else []), *masses]
+
+    @cached_property
+    def dry(self) -> tuple[FloatArray, list[Term]]:
+        """(C,) the model's own dry friction, and terms that take it away: a motion says what it is, not a state."""
+        own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]
+        force = np.zeros(len(self.columns[0]))
+        force[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
+        return force, [r.candidate.term((-force[r.joint],)) for r in own]
+
+    @cached_property
+    def pieces(self) -> list[tuple[Episode, FloatArray, FloatArray]]:
+        """Episodes, moments (N,) on an even grid and positions (N, C) then."""
+        from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
+
+        dt, at = self.recording.dt, self.columns[0]
+        wraps, found = np.array(self.problem.simulator.state.wraps)[at], []
+        for e in self.recording.episodes:
+            counts = np.ones(len(e.t), bool) if e.weights is None else (e.weights[:, at] > 0).all(axis=1)
+            good = np.flatnonzero(counts)
+            for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * dt) + 1):
+                if len(run) >= SHORTEST:
+                    q = e.states[run][:, at]
+                    path = CubicSpline(e.t[run], np.where(wraps, np.unwrap(q, axis=0), q))
+                    grid = np.arange(e.t[run[0]], e.t[run[-1]], dt)
+                    found += [(e, t, path(t)) for t in np.array_split(grid, -(-len(grid) // PIECE))]
+        return [found[i] for i in evenly(len(found), LONGEST // PIECE)]
+
+    @cached_property
+    def bands(self) -> list[float]:
+        """Frequencies [Hz] below which motion is kept."""
+        if not self.pieces or not self.rows:
+            return []
+        most, own = NYQUIST / 2.0 / self.recording.dt, self._frequency()
+        return [min(own * b, most) for b in BANDS if own * b < 1.5 * most] or [most]
+
+    def _frequency(self) -> float:
+        """Below which usual joints move [Hz], between their positions, which drift, and their speeds, of noise."""
+        grid = np.linspace(0.0, 0.5 / self.recording.dt, 1000)
+        power = np.zeros((len(grid), len(self.columns[0])))
+        for _, t, q in self.pieces:
+            still = (q - np.linspace(q[0], q[-1], len(q))) * np.hanning(len(t))[:, None]
+            found, f = np.abs(np.fft.rfft(still, axis=0)) ** 2, np.fft.rfftfreq(len(t), self.recording.dt)
+            power += grid[:, None] * np.stack([np.interp(grid, f, column) for column in found.T], axis=1)
+        share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+        return float(np.median(grid[(share < 0.95).sum(axis=0).clip(1, len(grid) - 1)]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Forces:
+    """Forces below a frequency [Hz], as servos of so many times the believed stiffness give them."""
+
+    log: _Log
+    band: float
+    stiff: float = 1.0
+
+    def stiffer(self, ratio: float) -> _Forces:
+        """The same of servos that are stiffer by this ratio."""
+        return replace(self, stiff=self.stiff * ratio)
+
+    @cached_property
+    def dt(self) -> float:
+        """Time [s] from one sample at which forces are found to the next."""
+        return self._every * self.log.recording.dt
+
+    @property
+    def _every(self) -> int:
+        return max(int(1.0 / (FINE * self.band * self.log.recording.dt)), 1)
+
+    @cached_property
+    def moments(self) -> list[FloatArray]:
+        """Of every piece the times [s] of those samples."""
+        return [t[:: self._every] for _, t, _ in self.log.pieces]
+
+    @cached_property
+    def motion(self) -> FloatArray:
+        """(3, N, C): positions, speeds and accelerations."""
+        dt, pieces = self.log.recording.dt, self.log.pieces
+        return np.concatenate([_below(self.band, q, dt, 3)[:, :: self._every] for _, _, q in pieces], axis=1)
+
+    @cached_property
+    def states(self) -> FloatArray:
+        """(N, S)."""
+        out = np.empty((self.motion.shape[1], len(self.log.problem.simulator.state)))
+        out[:, self.log.columns[0]], out[:, self.log.columns[1]] = self.motion[:2]
+        return out
+
+    @cached_property
+    def way(self) -> FloatArray:
+        """(N, C) which way joints go, -1 to 1."""
+        return np.asarray(np.tanh(self.motion[1] / (TURNS * self.motion[1].std(axis=0) + 1e-12)))
+
+    def commands(self, late: float) -> FloatArray:
+        """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
+        out = []
+        for (e, _, _), t in zip(self.log.pieces, self.moments, strict=True):
+            middle = (e.t[1:] + e.t[:-1]) / 2.0
+            out.append([np.interp(t - late, middle, given) for given in e.actions.T])
+        return np.concatenate([np.reshape(part, (-1, len(t))).T for part, t in zip(out, self.moments, strict=True)])
+
+    def lacking(self, commands: FloatArray, *terms: Term) -> FloatArray:
+        """(N, C): what the motion takes beyond what the model, with these terms, is given."""
+        force, less = self.log.dry
+        problem = self.log.problem
+        believed = {c.place.on: self.stiff * problem.parameters[c.place.on] for c in self.log.servos}
+        given = self.states, commands, self.motion[2], {**problem.parameters, **believed}
+        lacks = self.log.system.lacking_force(*given, [*less, *terms])
+        return np.nan_to_num(lacks, posinf=0.0, neginf=0.0) + force * self.way
+
+    def _split(self, rows: FloatArray | BoolArray) -> list[FloatArray]:
+        """Rows (N, ...) piece by piece."""
+        return np.split(rows, np.cumsum([len(t) for t in self.moments])[:-1])
+
+    def heard(self, force: FloatArray) -> FloatArray:
+        """(K, ...): forces (N, ...) below the lower frequency, at rows that tell something new."""
+        parts = [_below(self.band / NARROWER, f, self.dt)[0][self._kept(len(f))] for f in self._split(force)]
+        return np.concatenate(parts)
+
+    def _kept(self, count: int) -> slice:
+        """Rows of a piece, without those where a filter has not settled."""
+        period = 1.0 / self.band / self.dt
+        edge = int(period) + 1
+        return slice(edge, max(count - edge, edge), max(int(period * NARROWER / 4.0), 1))
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """(K, C): what a row counts at a joint: little where that hardly moves, nothing where something pushes it."""
+        width, out = int(NARROWER / self.band / self.dt / 2.0), []
+        pushed = self._split(self.log.system.hindered(self.states))
+        for some, way in zip(pushed, self._split(self.way), strict=True):
+            rows = np.arange(len(way))[self._kept(len(way))]
+            about = np.clip(rows[:, None] + np.arange(-width, width + 1), 0, len(way) - 1)
+            moves = np.abs(way[rows]) > np.tanh(1.0)
+            out.append(np.where(some[about].any(axis=1), 0.0, np.where(moves, 1.0, STICKS)))
+        return np.concatenate(out)
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are rows to tell from."""
+        return int((self.counts > 0).sum(axis=0).max(initial=0)) >= FEWEST
+
+    @cached_property
+    def takes(self) -> FloatArray:
+        """(K, C): what the model takes for the motion where nothing is commanded."""
+        return self.heard(self.lacking(0.0 * self.commands(0.0)))
+
+    @cached_property
+    def at_once(self) -> FloatArray:
+        """(K, C): what drives give beyond what the model takes, where commands come at once."""
+        return -self.heard(self.lacking(self.commands(0.0)))
+
+    def gives(self, late: float) -> FloatArray:
+        """(K, C): the same where they come so late."""
+        return -self.heard(self.lacking(self.commands(late))) if late else self.at_once
+
+    @cached_property
+    def of_rows(self) -> FloatArray:
+        """(K, C, R): what rows of size 1 take."""
+        moved = np.stack([self.motion[1], self.way, self.motion[2], -np.ones_like(self.way)], axis=2)
+        heard = dict(zip(ROWS, np.moveaxis(self.heard(moved), 2, 0), strict=True))
+        out = np.zeros((*self.counts.shape, len(self.log.rows)))
+        for i, row in enumerate(self.log.rows):
+            out[:, row.joint, i] = heard[row.kind][:, row.joint]
+        return out
+
+    def of(self, row: _Row, late: float) -> FloatArray:
+        """(K, C): what a motor or a body that is off takes; by how much less is given where commands come later."""
+        if row.kind == GAIN:
+            return np.where(np.arange(self.takes.shape[1]) == row.joint, self.takes, 0.0)
+        if row.kind == LATE:
+            more = self.log.recording.dt / 4.0
+            return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
+        mass = row.candidate.term((1.0 + OFF[MASS],))
+        return (self.heard(self.lacking(self.commands(late), mass)) + self.gives(late)) / OFF[MASS]
+
+    def prior(self, rows: Sequence[_Row]) -> FloatArray:
+        """(P,) deviations of sizes a priori."""
+        some = self.counts > 0
+        both = [(f**2 * some).sum(axis=0) for f in (self.takes, self.takes + self.at_once)]
+        usual = np.sqrt(np.maximum(*both) / np.maximum(some.sum(axis=0), 1))
+        for row in (r for r in self.log.rows if r.kind == DRY):
+            usual[row.joint] = max(usual[row.joint], 5.0 * row.candidate.declared[0].scale)
+        one = np.ones_like(usual)
+        by = dict(zip(ROWS, (self.motion[1].std(axis=0), one, self.motion[2].std(axis=0), one), strict=True))
+        return np.array(
+            [OFF[r.kind] if r.kind in OFF else ROWS[r.kind] * usual[r.joint] / (by[r.kind][r.joint] + 1e-12) for r in rows]
+        )
+
+    def late(self) -> float:
+        """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
+        if not self.log.late:
+            return 0.0
+        high, step = min(LATEST, *(c.declared[0].high for c in self.log.late)), self.log.recording.dt
+        scan = np.arange(0.0, high, max(STEP, step / 2.0))
+        weights, columns = self.counts, self.of_rows * self.counts[:, :, None]
+        bases = [np.linalg.qr(columns[:, j, columns[:, j].any(axis=0)])[0] for j in range(weights.shape[1])]
+        nats = 0.5 * (scan / step) ** 2 + (scan > 0.0) * (ENOUGH + 0.5 * np.log(NEWS * len(weights)))
+        for i, late in enumerate(scan):
+            given = (self.gives(late) * weights).T
+            left = [float(y @ y - np.sum((q.T @ y) ** 2)) for y, q in zip(given, bases, strict=True)]
+            nats[i] += 0.5 * NEWS * float((weights**2).sum(axis=0) @ np.log(np.maximum(left, 1e-300)))
+        return float(scan[int(np.argmin(nats))])
+
+    def fitted(self, late: float = 0.0, more: Sequence[_Row] = ()) -> _Fit:
+        """Rows and what else may be off, by least squares."""
+        further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
+        rows, columns = [*self.log.rows, *further], [self.of(row, late)[:, :, None] for row in further]
+        low, high = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
+        a, y = np.concatenate([self.of_rows, *columns], axis=2), self.gives(late)
+        return _Fit(self, late, rows, *_least_squares(a, y, self.counts, self.prior(rows), low, high))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Rows' sizes, their deviations, whether the log tells of them (P,); mean squares at joints without and with them."""
+
+    forces: _Forces
+    begun: float
+    rows: list[_Row]
+    sizes: FloatArray
+    deviations: FloatArray
+    told: BoolArray
+    was: FloatArray
+    left: FloatArray
+
+    @cached_property
+    def late(self) -> float:
+        """How late commands come [s]."""
+        return self.begun + sum(float(s) for s, r in zip(self.sizes, self.rows, strict=True) if r.kind == LATE)
+
+    def holding(self, joint: int) -> list[_Fit]:
+        """The same with as much dry friction as holds a joint which mostly stands; none where it moves.
+
+        Then forces say little of friction but how much they are and it stands nevertheless.
+        """
+        stands = (self.forces.counts[:, joint] > 0) & (self.forces.counts[:, joint] < 1)
+        index = next((i for i, r in enumerate(self.rows) if r.kind == DRY and r.joint == joint), None)
+        if index is None or 2 * stands.sum() <= (self.forces.counts[:, joint] > 0).sum():
+            return []
+        others = np.where(np.arange(len(self.forces.log.rows)) == index, 0.0, self.sizes[: len(self.forces.log.rows)])
+        lacks = self.forces.gives(self.begun)[stands, joint] - self.forces.of_rows[stands, joint] @ others
+        sizes, deviations = self.sizes.copy(), self.deviations.copy()
+        sizes[index] = np.clip(np.quantile(np.abs(lacks), HOLDS), *self.rows[index].bounds)
+        deviations[index] = ROUGHLY * sizes[index]
+        return [replace(self, sizes=sizes, deviations=deviations)] if sizes[index] > self.sizes[index] else []
+
+    @cached_property
+    def values(self) -> dict[tuple[str, str], tuple[float, float]]:
+        """Of what the log tells the value and its deviation."""
+        gains = {r.joint: 1.0 / (1.0 + s) for r, s in zip(self.rows, self.sizes, strict=True) if r.kind == GAIN}
+        out, log = dict[tuple[str, str], tuple[float, float]](), self.forces.log
+        for row, size, sd, told in zip(self.rows, self.sizes, self.deviations, self.told, strict=True):
+            gain, p = gains.get(row.joint, 1.0), row.candidate.declared[0]
+            value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0)}.get(row.kind, (size * gain, gain))
+            if row.kind == LATE:
+                out |= {c.identity: (self.late, float(sd)) for c in log.late}
+            elif told:
+                out[row.candidate.identity] = float(np.clip(value, p.low, p.high)), float(sd * slope)
+        stiff = self.forces.stiff
+        return out | {c.identity: (stiff, ROUGHLY * stiff) for c in log.servos if stiff != 1.0}
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """All of it as terms."""
+        out = Hypothesis()
+        for c in self.forces.log.candidates:
+            value = self.values.get(c.identity, (c.declared[0].none,))[0]
+            out = out.plus(c.term((value,)), c.declared) if value != c.declared[0].none else out
+        return out
+
+    @property
+    def sized(self) -> Sized:
+        """As the search takes it."""
+        values, deviations = ({k: (v[i],) for k, v in self.values.items()} for i in (0, 1))
+        return Sized(values, deviations, self.late, 1.0 - float((self.left / self.was).mean()))
+
+
+def _least_squares(
+    columns: FloatArray, lacks: FloatArray, counts: FloatArray, prior: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray]:
+    """Sizes (P,) of columns (K, C, P) between bounds, deviations, whether they are told; mean squares of joints (C,)."""
+    from scipy.optimize import lsq_linear  # here: most commands need not wait for it
+
+    a, y = columns * counts[:, :, None] * prior, lacks * counts
+    blocks = np.array_split(np.arange(len(y)), BLOCKS)
+    h = np.stack([np.matmul(a[b].transpose(1, 2, 0), a[b].transpose(1, 0, 2)) for b in blocks])
+    g = np.stack([np.einsum("kcp,kc->cp", a[b], y[b]) for b in blocks])
+    number = np.maximum((counts**2).sum(axis=0), 1.0)
+    was = left = (y**2).sum(axis=0) / number + 1e-300
+    low, high = low / prior, high / prior
+    for last in (*(False,) * (ROUNDS - 1), True):
+        weights = 1.0 / np.maximum(left, 1e-9 * was)
+        by_block, pulls = np.einsum("bcpq,c->bpq", h, weights), np.einsum("bcp,c->bp", g, weights)
+        full, pull = by_block.sum(axis=0) + np.eye(len(prior)), pulls.sum(axis=0)
+        x = np.linalg.solve(full, pull)
+        if last and ((x < low) | (x > high)).any():
+            root = np.linalg.cholesky(full).T
+            x = lsq_linear(root, np.linalg.solve(root.T, pull), (low, high)).x
+        left = ((y - a @ x) ** 2).sum(axis=0) / number
+    free = (x > low + 1e-6) & (x < high - 1e-6)
+    less = full - by_block
+    beside = (pull - pulls - less[:, :, ~free] @ x[~free])[:, free, None]
+    said = np.linalg.solve(less[:, free][:, :, free], beside)[:, :, 0]
+    own = np.sqrt(np.diag(np.linalg.inv(full)))
+    deviations = own.copy()
+    deviations[free] = np.maximum(own[free], np.sqrt((BLOCKS - 1) * said.var(axis=0)))
+    return x * prior, deviations * prior, own < PARTED, was, left
+
+
+def _below(band: float, x: FloatArray, dt: float, count: int = 1) -> FloatArray:
+    """(count, N, ...): x (N, ...) below a frequency [Hz], without a delay, and its derivatives.
+
+    As a line from end to end and a series of sines: it goes on oddly beyond both ends.
+    """
+    n, along = len(x), (-1, *(1,) * (x.ndim - 1))
+    slope = (x[-1] - x[0]) / (n - 1)
+    line = x[0] + slope * np.arange(n).reshape(along)
+    odd = np.concatenate([x - line, (line - x)[-2:0:-1]])
+    f = np.fft.rfftfreq(len(odd), dt).reshape(along)
+    spectrum = np.fft.rfft(odd, axis=0) / (1.0 + (f / band) ** (2 * ORDER))
+    out = [np.fft.irfft(spectrum * (2j * np.pi * f) ** k, len(odd), axis=0)[:n] for k in range(count)]
+    out[0] += line
+    if count > 1:
+        out[1] += slope / dt
+    return np.stack(out)

@@ -1,0 +1,529 @@
+"""Rungs 1 and 2: all that is usual at once, what is unusual beside it, and what the recording does not ask for away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.coordinates import coordinates
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.shooting import Fit, Noise, Shooting, Slopes, step_sizes
+from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
+from gpsim.diagnosis.ladder.laws import Law
+from gpsim.effects import Scheme
+
+INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
+SURELY = 0.5  # nats by which another account must be better before it takes the place of the one that stands
+Key = tuple[str, str, str]
+FIRST_LOOK, SETTLE, CLOSE = 2, 5, 4  # rounds of a fit: among others, after a change, before a decision
+LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
+PROBED = 3  # laws that are fitted of those that promise most
+HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
+
+
+class Search:
+    """A recording's laws on their way to an account."""
+
+    def __init__(self, problem: Problem, held_out: Problem, laws: Sequence[Law]) -> None:
+        run = problem.run
+        self.laws, self.numbers, self.verdict, self.known = (
+            list(laws),
+            run.settings.laws,
+            run.settings.verdict,
+            run.known,
+        )
+        self._trace = run.trace
+        self.shooting, self.held_out = Shooting(problem), Shooting(held_out)
+        starts = problem.windows.measured[:, 0]
+        self.account = Account((), self.shooting.at(Hypothesis(), np.array(starts)))
+        self.base = self.account.fit
+        self.tried: list[Account] = []
+
+    def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
+        """Write a decision down."""
+        self._trace.note(names, self.account.hypothesis.names, taken, rule, gain=gain)
+
+    # Prices
+
+    def price(self, law: Law) -> float:
+        """Nats that a law must bring."""
+        return price(law, self.shooting.noise.effective, self.numbers.law)
+
+    def score(self, account: Account) -> float:
+        """What an account costs in all: less is better [nats]."""
+        return account.fit.cost + bill(account.laws, self.shooting.noise.effective, self.numbers.law)
+
+    def tell_noise(self) -> None:
+        """The noise as the account leaves it, under which it is counted anew."""
+        self.shooting.told_by(self.account.fit.residuals)
+        self.account = Account(self.account.laws, self.shooting.counted(self.account.fit))
+
+    def refit(self, rounds: int) -> None:
+        """The account fitted on."""
+        self.account = Account(self.account.laws, self.shooting.fit(self.account.fit, rounds))
+
+    def fitted(
+        self, laws: tuple[Law, ...], hypothesis: Hypothesis, starts: FloatArray, rounds: int
+    ) -> Account:
+        """Other laws, fitted from where they are."""
+        return Account(laws, self.shooting.fit(self.shooting.at(hypothesis, starts), rounds))
+
+    # Rung 1
+
+    def usual(self) -> None:
+        """All usual laws at once: those with a slope from nothing, those without by scans; then the noise."""
+        self.refit(3)
+        self.base = self.account.fit
+        self.tell_noise()
+        usual = [law for law in self.laws if law.usual]
+        smooth = self._independent([law for law in usual if law.has_slope])
+        for law in smooth:
+            self.account = self._with(
+                law, [p.none if not p.place else p.starts[0] for p in law.candidate.declared]
+            )
+        jumps, noisy = [law for law in usual if not law.has_slope], True
+        for turn in range(len(jumps) + 1):
+            self.refit(FIRST_LOOK)
+            found = self.offers([law for law in jumps if not self.account.holds(law)])
+            if not found:
+                break
+            gain, law, values = max(found, key=lambda f: f[0] - self.price(f[1]))
+            if gain < self.price(law):
+                break
+            self.account = self._with(law, values)
+            self.say("started from", True, law.name, gain=gain)
+        for _ in range(2):
+            self.refit(SETTLE)
+            self.tell_noise()
+        self.refit(CLOSE)
+        self._probe(jumps)
+
+    def _with(self, law: Law, values: Sequence[float]) -> Account:
+        laws, hypothesis = self.account.plus(law, values)
+        return Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
+
+    def _independent(self, laws: Sequence[Law]) -> list[Law]:
+        """Without those that others make up for exactly: a mass beside a gain, when all forces are free."""
+        kept: list[Law] = []
+        basis: FloatArray | None = None
+        slopes = self.shooting.slopes(self.account.fit, parameters=False)
+        for law in laws:
+            column = slopes.off_starts(self._column(law))[:, :, 0].ravel()
+            size = float(column @ column)
+            left = column
+            if basis is not None and size > 0:
+                for _ in range(2):
+                    left = left - basis @ (basis.T @ left)
+            rest = float(left @ left)
+            if size <= 0.0 or rest < INDEPENDENT * size:
+                self.say("others make up for it", False, law.name)
+                continue
+            unit = (left / np.sqrt(rest))[:, None]
+            basis = unit if basis is None else np.concatenate([basis, unit], axis=1)
+            kept.append(law)
+        return kept
+
+    def _column(self, law: Law) -> FloatArray:
+        """(W, M, 1) the whitened slope of what an absent law takes off the residual, at nothing."""
+        own, values = self.nudged(law)
+        point = self.account.fit
+        _, hypothesis = self.account.plus(law, values)
+        moved = self.shooting.residuals(hypothesis, hypothesis.theta[None], point.starts[None])[0]
+        white = (point.residuals - moved) * self.shooting.noise.whitening / own
+        return np.nan_to_num(white).reshape(len(point.starts), -1, 1)
+
+    def nudged(self, law: Law) -> tuple[float, list[float]]:
+        """How far an absent law with a slope is moved from nothing, and its values there."""
+        declared = law.candidate.declared
+        own = coordinates(declared)
+        z = np.where([p.place for p in declared], own.centre, 0.0)
+        first = (
+            next(i for i, p in enumerate(declared) if not p.place)
+            if not all(p.place for p in declared)
+            else 0
+        )
+        step = float(
+            step_sizes(Hypothesis().plus(law.term([p.starts[0] for p in declared]), declared), own)[first]
+        )
+        if z[first] + step > own.high[first]:
+            step = -step
+        z[first] += step
+        return step, list(own.natural(z))
+
+    def in_base_steps(self, scheme: Scheme) -> None:
+        """The base's own step in the place of fine ones, where all that is usual explains the recording better with it."""
+        if scheme == "fine":
+            return
+        fine, starts = self.account, self.account.fit.starts
+        coarse = replace(fine.hypothesis, scheme=scheme)
+        stepped = self.fitted(fine.laws, coarse, starts, CLOSE)
+        if self.needed(stepped) < self.needed(fine) - 1.0:
+            self.say("the base's own step", True, scheme, gain=fine.fit.cost - stepped.fit.cost)
+            self.account = stepped
+            base = replace(self.base.hypothesis, scheme=scheme)
+            self.base = self.shooting.fit(self.shooting.at(base, self.base.starts), 3)
+
+    def needed(self, account: Account) -> float:
+        """What an account would cost once what does not pay is taken away, by the quadratic [nats]."""
+        prices = [self.price(law) for law in account.laws]
+        gone = Quadratic(account).taken_away(prices, [law.free for law in account.laws])
+        saved = sum(prices[less.index] - less.cost for less in gone)
+        return self.score(account) - saved
+
+    # What is absent
+
+    def offers(self, laws: Sequence[Law]) -> list[tuple[float, Law, list[float]]]:
+        """Of each absent law the gain that lines promise from its best start, all others following [nats]."""
+        if not laws:
+            return []
+        point, shooting = self.account.fit, self.shooting
+        lines = Lines(shooting.slopes(point), point)
+        out = []
+        for law in laws:
+            best: tuple[float, Law, list[float]] | None = None
+            if law.has_slope:
+                step, nudged = self.nudged(law)
+                gain, size = lines.along(self._column(law)[:, :, 0])
+                mine = coordinates(law.candidate.declared)
+                z = np.where([p.place for p in law.candidate.declared], mine.centre, 0.0)
+                first = next((i for i, p in enumerate(law.candidate.declared) if not p.place), 0)
+                if size < mine.low[first] or size > mine.high[first]:
+                    gain = 0.0
+                z[first] = np.clip(size, mine.low[first], mine.high[first])
+                best = (gain, law, list(mine.natural(z)))
+            else:
+                hypotheses = [self.account.plus(law, v)[1] for v in law.starts]
+                thetas = np.stack([h.theta for h in hypotheses])
+                copies = np.tile(point.starts, (len(thetas), 1, 1))
+                left = shooting.residuals(hypotheses[0], thetas, copies) * shooting.noise.whitening
+                gains = [lines.gain(np.nan_to_num(r, nan=1e6).reshape(len(point.starts), -1)) for r in left]
+                k = int(np.argmax(gains))
+                best = (gains[k], law, list(law.starts[k]))
+            out.append(best)
+        return out
+
+    def _probe(self, laws: Sequence[Law]) -> None:
+        """Absent laws with a jump in an exact fit each, while one of them pays: slopes mislead from a wrong place."""
+        for _ in range(4):
+            absent = [law for law in laws if not self.account.holds(law)]
+            if not self.add_best(absent, PROBED):
+                return
+
+    def add_best(self, laws: Sequence[Law], most: int) -> bool:
+        """The absent law that pays most of those that promise most, in an exact fit; whether one pays."""
+        if self.left() <= 0.0:
+            return False
+        found = sorted(self.offers(laws), key=lambda f: self.price(f[1]) - f[0])[:most]
+        best, before = None, self.score(self.account)
+        for gain, law, values in found:
+            added, hypothesis = self.account.plus(law, values)
+            tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
+            self.tried.append(tried)
+            if self._strange(tried, law):
+                continue
+            if best is None or self.score(tried) < self.score(best):
+                best = tried
+        if best is None or self.score(best) > before - self._enough(best.laws[-1]):
+            return False
+        self.say("pays beside the others", True, best.laws[-1].name, gain=before - self.score(best))
+        self.account = best
+        self.refit(SETTLE)
+        self.tell_noise()
+        self.refit(CLOSE)
+        return True
+
+    def _enough(self, law: Law) -> float:
+        """Nats beyond its price that a law must bring: a part of what is left, and more of it where it is unusual."""
+        left = self.left()
+        if law.price < self.numbers.unusual:
+            share = self.numbers.share if law.usual else self.numbers.share_of_drag
+            return max(1.0, share * left)
+        least = min(self.numbers.material * self.missing(), self.numbers.nearly_all * left)
+        return max(1.0, self.numbers.share_of_unusual * left, least)
+
+    def channel(self, column: int) -> str:
+        """The name of a column of state and action."""
+        simulator = self.shooting.problem.simulator
+        return [*simulator.state.names, *simulator.action.names][column]
+
+    def missing(self) -> float:
+        """Nats of the base's misfit under the noise as it is now."""
+        return float(self.shooting.costs(self.base.residuals).sum())
+
+    def left(self) -> float:
+        """Nats of misfit beyond the noise that is known."""
+        noise, problem = self.shooting.noise, self.shooting.problem
+        counts = (noise.weights > 0).sum(axis=(0, 1))
+        known = 0.5 * float(
+            (counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum()
+        )
+        return max(0.0, float(self.account.fit.costs.sum()) - 1.1 * known)
+
+    # Rung 2
+
+    def unusual(self) -> None:
+        """Unusual laws beside the usual ones, one at a time, while one pays its price and a part of what is left."""
+        for _ in range(6):
+            absent = [law for law in self.laws if not self.account.holds(law) and not self._gauge(law)]
+            if not self.add_best(absent, PROBED + 1):
+                return
+
+    def _gauge(self, law: Law) -> bool:
+        """Whether laws that stand make up for one in any case."""
+        return False
+
+    # Taking away
+
+    def eliminate(self) -> None:
+        """Laws that do not pay go, in batches by the quadratic, each fitted; one that costs more is halved."""
+        limit, locked = LOOSE, set[Key]()
+        for _ in range(30):
+            account = self.account
+            kept = [law.key in locked or law.free for law in account.laws]
+            gone = Quadratic(account).taken_away([self.price(law) for law in account.laws], kept)
+            if not gone:
+                return
+            count, cost = 0, 0.0
+            for less in gone:
+                cost += less.cost
+                if count and cost > limit:
+                    break
+                count += 1
+            batch = [less.index for less in gone[:count]]
+            less = self.without(batch, placed(account.hypothesis, gone[count - 1].z), 3)
+            paid = sum(self.price(account.laws[i]) for i in batch)
+            if less.fit.cost - account.fit.cost > paid:
+                less = Account(less.laws, self.shooting.fit(less.fit, SETTLE))
+            rise = less.fit.cost - account.fit.cost
+            names = [account.laws[i].name for i in batch]
+            if rise > paid:
+                if count == 1:
+                    locked.add(account.laws[batch[0]].key)
+                limit = 0.0 if count > 1 else limit
+                self.say("is needed", False, *names, gain=-rise)
+                continue
+            limit = max(limit, LOOSE)
+            self.say("does not pay", True, *names, gain=paid - rise)
+            self.tried.append(less)
+            self.account = less
+
+    def without(self, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
+        """The account without some laws, from where the quadratic says the others are, or from where they were."""
+        laws, plain = self.account.without(gone)
+        foretold = adapted.without_all(gone)
+        starts = self.account.fit.starts
+        points = [self.shooting.at(h, starts) for h in (foretold, plain)]
+        best = min(points, key=lambda p: p.cost)
+        return Account(laws, self.shooting.fit(best, rounds))
+
+    def drop_each(self) -> dict[Key, Account]:
+        """Exact fits without each law; what does not pay goes. What each account without one is, by the law's key."""
+        while True:
+            less, worst = dict[Key, Account](), None
+            around = Quadratic(self.account)
+            for i, law in enumerate(self.account.laws):
+                if law.free:
+                    continue
+                adapted = placed(self.account.hypothesis, around.without([i]))
+                less[law.key] = self.without([i], adapted, FIRST_LOOK if around.cost(i) > 150.0 else CLOSE)
+                behind = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
+                if behind < 0 and (worst is None or behind < worst[0]):
+                    worst = behind, law
+            if worst is None:
+                self.tried += less.values()
+                return less
+            self.say("does not pay", True, worst[1].name, gain=-worst[0])
+            self.account = less[worst[1].key]
+            self.refit(FIRST_LOOK)
+
+    # Twins
+
+    def swap(self, rounds: int = 6) -> None:
+        """Each law's nearest substitutes in its place, fitted; the account moves while one is better."""
+        done = set[tuple[object, ...]]()
+        for _ in range(rounds):
+            less = self.drop_each()
+            if not self._swapped(less, done):
+                return
+
+    def _swapped(self, less: Mapping[Key, Account], done: set[tuple[object, ...]]) -> bool:
+        account, now = self.account, self.score(self.account)
+        names = tuple(sorted(law.key for law in account.laws))
+        for law in sorted(
+            account.laws, key=lambda own: less[own.key].fit.cost if own.key in less else np.inf
+        ):
+            if law.key not in less:
+                continue
+            part = less[law.key]
+            absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
+            missed = self.score(part) - now
+            self.account = part
+            near = [f for f in self.offers(absent) if f[0] - self.price(f[1]) > missed - HOPELESS]
+            near = sorted(near, key=lambda f: self.price(f[1]) - f[0])[:PROBED]
+            self.account = account
+            for _, other, values in near:
+                done.add((law.key, other.key, names))
+                laws, hypothesis = part.plus(other, values)
+                tried = self.fitted(laws, hypothesis, part.fit.starts, FIRST_LOOK)
+                if self.score(tried) > now + HOPELESS:
+                    continue
+                tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, CLOSE)), other)
+                self.tried.append(tried)
+                gain = now - self.score(tried)
+                if gain < self._enough_in_place(law, other) or self._strange(tried, other):
+                    continue
+                if gain + self.later(account) - self.later(tried) > SURELY:
+                    self.say(f"stands in for {law.name}", True, other.name, gain=now - self.score(tried))
+                    self.account = tried
+                    return True
+        return False
+
+    def _enough_in_place(self, law: Law, other: Law) -> float:
+        """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake."""
+        return self._enough(other) if other.price > law.price else SURELY
+
+    def _strange(self, account: Account, law: Law) -> bool:
+        """Whether an unusual law has a size that no machine has."""
+        if law.usual or law.free:
+            return False
+        index = next(i for i, own in enumerate(account.laws) if own.key == law.key)
+        return account.hypothesis.times_beyond(index) > 1.0
+
+    def later(self, account: Account) -> float:
+        """Nats that an account costs on held-out windows, whose start states alone are fitted."""
+        return float(self.later_costs(account).sum())
+
+    def later_costs(self, account: Account) -> FloatArray:
+        """(W,) nats on each held-out window."""
+        shooting, noise = self.held_out, self.shooting.noise
+        windows = shooting.problem.windows
+        if not len(windows):
+            return np.zeros(0)
+        shooting.noise = Noise(noise.white, noise.times, shooting.base_weights)
+        point = shooting.at(account.hypothesis.frozen(), np.array(windows.measured[:, 0]))
+        return shooting.fit(point, 3).costs
+
+    def _leaner(self, account: Account, kept: Law) -> Account:
+        """An account without what no longer pays beside a law."""
+        prices = [self.price(law) for law in account.laws]
+        held = [law.key == kept.key or law.free for law in account.laws]
+        gone = Quadratic(account).taken_away(prices, held)
+        if not gone:
+            return account
+        before, self.account = self.account, account
+        less = self.without([g.index for g in gone], placed(account.hypothesis, gone[-1].z), CLOSE)
+        self.account = before
+        return less if self.score(less) < self.score(account) else account
+
+    # What the user requires
+
+    def require(self) -> None:
+        """What the user requires and the account lacks, fitted; where it does nothing it goes again."""
+        for law in self.laws:
+            if law.free and not self.account.holds(law):
+                ((_, _, values),) = self.offers([law])
+                laws, hypothesis = self.account.plus(law, values)
+                self.account = self.fitted(laws, hypothesis, self.account.fit.starts, SETTLE)
+
+    def why_not(self, account: Account) -> str:
+        """Why an account that explains more does not lead."""
+        names = [law.name for law in account.laws if not self.account.holds(law)]
+        strange = [law.name for law in account.laws if self._strange(account, law)]
+        unusual = [law.name for law in account.laws if not law.usual and not self.account.holds(law)]
+        if strange:
+            return f"no machine has {strange[0]} of that size"
+        if unusual:
+            return f"{unusual[0]} takes too little of what is left"
+        return (
+            f"held-out data are no better with {names[0]}" if names else "held-out data are no better with it"
+        )
+
+    # Held out
+
+    def judge_held_out(self) -> None:
+        """What is worth nothing on held-out windows goes, unusual laws first; a usual one that training asks for stays."""
+        while True:
+            less = self.drop_each()
+            if not len(self.held_out.problem.windows):
+                return
+            mine, left, bad = self.later_costs(self.account), self._left_later(), None
+            for law in self.account.laws:
+                if law.key not in less:
+                    continue
+                gains = self.later_costs(less[law.key]) - mine
+                gain, sd = float(gains.sum()), float(np.sqrt(len(gains)) * gains.std())
+                trained = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
+                short = min(gain + 0.5 * sd, gain + trained)
+                if not law.usual:
+                    short = min(short, gain + trained - self.numbers.held_out * (left + self.left()))
+                if short < 0 and (bad is None or (law.usual, short) < bad[:2]):
+                    bad = law.usual, short, law
+            if bad is None:
+                return
+            self.say("held-out windows are no better with it", True, bad[2].name, gain=bad[1])
+            self.account = less[bad[2].key]
+            self.refit(FIRST_LOOK)
+
+    def _left_later(self) -> float:
+        """Nats of misfit beyond the known noise on held-out windows."""
+        problem, noise = self.held_out.problem, self.shooting.noise
+        counts = problem.counted.sum(axis=(0, 1))
+        known = 0.5 * float(
+            (counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum()
+        )
+        return max(0.0, self.later(self.account) - 1.1 * known)
+
+
+class Lines:
+    """What an absent law gains by lines: start states, and the account's parameters within their bounds, follow."""
+
+    def __init__(self, slopes: Slopes, point: Fit) -> None:
+        own, self.slopes = coordinates(point.hypothesis.parameters), slopes
+        size = slopes.by_theta.shape[2]
+        self._j = slopes.off_starts(slopes.by_theta).reshape(-1, size)
+        held = np.diag(1.0 / own.prior**2)
+        self._pull = held @ (point.z - own.centre)
+        self._h = self._j.T @ self._j + held
+        self._inverse = np.linalg.pinv(self._h, rcond=1e-12, hermitian=True) if size else self._h
+        self._own, self._z = own, point.z
+        self._base = self._cost(slopes.r)
+
+    def _cost(self, r: FloatArray) -> float:
+        left = self.slopes.off_starts(r[:, :, None])[:, :, 0].ravel()
+        b = self._j.T @ left - self._pull
+        d = self._inverse @ b
+        if len(d):
+            d = np.clip(self._z + d, self._own.low, self._own.high) - self._z
+        return float(0.5 * left @ left - d @ b + 0.5 * d @ self._h @ d)
+
+    def gain(self, r: FloatArray) -> float:
+        """Nats, of the whitened residual (W, M) with the law."""
+        return self._base - self._cost(r)
+
+    def along(self, column: FloatArray) -> tuple[float, float]:
+        """Nats and the size, of a law whose slope is a column (W, M)."""
+        c = self.slopes.off_starts(column[:, :, None])[:, :, 0].ravel()
+        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
+        cj = self._j.T @ c
+        size = float(c @ c - cj @ self._inverse @ cj)
+        pull = float(c @ r - cj @ self._inverse @ (self._j.T @ r))
+        return (0.5 * pull**2 / size, pull / size) if size > 1e-9 * float(c @ c) else (0.0, 0.0)
+
+    def heights(
+        self, columns: FloatArray, penalty: FloatArray
+    ) -> tuple[float, FloatArray, float, FloatArray]:
+        """Of a curve whose heights have columns (W, M, K): nats, the heights, effective parameters, deviations (K,)."""
+        c = self.slopes.off_starts(columns).reshape(-1, columns.shape[2])
+        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
+        cj = c.T @ self._j
+        own = c.T @ c - cj @ self._inverse @ cj.T
+        pull = c.T @ r - cj @ self._inverse @ (self._j.T @ r)
+        inverse = np.linalg.inv(own + penalty + 1e-12 * np.trace(own) * np.eye(len(own)))
+        heights = inverse @ pull
+        gain = float(heights @ pull - 0.5 * heights @ (own + penalty) @ heights)
+        freedom = float(np.trace(inverse @ own))
+        return gain, heights, freedom, np.sqrt(np.maximum(np.diag(inverse), 0.0))

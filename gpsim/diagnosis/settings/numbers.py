@@ -1,0 +1,147 @@
+"""The numbers that decide, all of them, each with its unit, its meaning and its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.diagnosis.settings.declare import check, setting
+
+
+@dataclass(frozen=True)
+class WindowSettings:
+    """The short pieces into which a recording is cut, and how many of them laws are fitted to."""
+
+    compiled: bool = setting(
+        True, "yes or no", "simulate by compiled code what has such a form, else by NumPy"
+    )
+    pace: float = setting(0.01, "s", "faster clocks than this are thinned")
+    length: int = setting(
+        25,
+        "transitions",
+        "of a window",
+        "best of 10, 25 and 60 at 10 to 100 Hz: 10 lost memory, 60 slow effects",
+        least=1,
+    )
+    longest: int = setting(100, "transitions", "of a window at most, where a clock is fast", least=1)
+    searched: int = setting(80, "windows", "that laws are fitted to while they are sought, at most", least=4)
+    fitted: int = setting(
+        240, "windows", "that the account is fitted to, and as many held out, at most", least=4
+    )
+    fewest: int = setting(4, "windows", "to learn from; with fewer a recording is refused", least=1)
+
+
+@dataclass(frozen=True)
+class LogFactSettings:
+    """Rung 0: what is peculiar to a log and no physics (repeated samples, outliers, grids, an uneven clock)."""
+
+    stands_out: float = setting(
+        6.0, "1", "times the leaps around it, that an outlier leaps",
+        "11 standard deviations of white noise, of which none is ever an outlier", least=1,
+    )  # fmt: skip
+    longest_repeat: int = setting(12, "samples", "that one value may be repeated by an accident", least=1)
+    angles: bool = setting(
+        True, "yes or no", "ask whether an angle is in degrees, or counted from 180 degrees away"
+    )
+
+
+@dataclass(frozen=True)
+class LawSettings:
+    """Rungs 1 and 2: what a law must bring before it stands."""
+
+    law: float = setting(2.0, "nats", "beside the BIC price of its parameters (Schwarz 1978), of every law")
+    drag: float = setting(4.0, "nats", "more, of drag where no fluid is known", "odds of fifty")
+    unusual: float = setting(
+        8.0, "nats", "more, of a law that a machine seldom has", "odds of three thousand"
+    )
+    rare: float = setting(
+        12.0, "nats", "more, of a law that a machine hardly ever has, or that bends to anything"
+    )
+    gate: float = setting(10.0, "nats", "more, of a law that acts in a region, or from a moment on, only")
+    share: float = setting(0.02, "1", "of what is left beyond the noise, that a usual law takes off at least")
+    share_of_drag: float = setting(0.1, "1", "the same of drag")
+    share_of_unusual: float = setting(
+        0.25, "1", "the same of an unusual law", "what is slight beside all that is not known has no name"
+    )
+    share_of_gate: float = setting(0.5, "1", "the same of a gate", "onsets crept into real logs with less")
+    material: float = setting(0.01, "1", "of the base's misfit, that an unusual law takes off, too")
+    nearly_all: float = setting(0.6, "1", "of what is left, that is as good as `material`")
+    held_out: float = setting(
+        0.15, "1", "of what is left, that an unusual law is worth with held-out windows counted in"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, shares=("share", "share_of_unusual", "share_of_gate", "material", "nearly_all"))
+
+
+@dataclass(frozen=True)
+class CurveSettings:
+    """Rung 3: a measured curve of one input on top of the laws, where these leave something."""
+
+    most: int = setting(2, "1", "curves, at most; 0 asks for none", least=0)
+    knots: int = setting(9, "1", "of a curve", "friction that bends at low speed needs eight", least=3)
+    leaves: float = setting(0.01, "1", "of the base's mismatch, that laws must leave before one is asked for")
+    takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
+    tenth: float = setting(0.1, "1", "of the mismatch, from which on a curve makes an account partial")
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """Held-out rollouts, on which an account is judged."""
+
+    horizon: float = setting(1.0, "s", "of a rollout; a usual window at least")
+    longest: int = setting(200, "transitions", "of a rollout at most", least=2)
+    most: int = setting(120, "rollouts", "that are compared, at most", least=2)
+    draws: int = setting(400, "1", "of blocks of them, of which intervals are made", least=1)
+
+
+@dataclass(frozen=True)
+class VerdictSettings:
+    """What is told: headlines, verdicts, rivals."""
+
+    half: float = setting(
+        0.5, "1", "of the mismatch: an account that surely explains less is none", "DESIGN.md: unknown"
+    )
+    nearly_all: float = setting(
+        0.9, "1", "of the mismatch: one that explains less is partial", "DESIGN.md: partial"
+    )
+    headline: float = setting(
+        0.05, "1", "of the mismatch, that a headline effect accounts for", "DESIGN.md: headline"
+    )
+    needed: float = setting(0.02, "1", "of the mismatch, that goes when a headline effect goes")
+    tie: float = setting(2.3, "nats", "behind, up to which a rival cannot be ruled out", "odds of ten")
+    odds: float = setting(
+        3.0, "1", "to one, against an account without one of its claims: with less it is ambiguous"
+    )
+    rivals: int = setting(6, "1", "that are told, at most", least=0)
+
+
+@dataclass(frozen=True)
+class IntervalSettings:
+    """How well the data know each parameter."""
+
+    level: float = setting(0.90, "1", "probability with which an interval holds its parameter", "usual")
+    model_error: float = setting(
+        0.45, "1", "of what a size does: its deviation by what has no name, if that were all of the mismatch",
+        "rough worlds of seed 2040 after it was opened: intervals held 55 % of 184 sizes without it, 88 % with it",
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check(self, shares=("level",))
+
+
+@dataclass(frozen=True)
+class GpSettings:
+    """Rung 4: the Gaussian process on what is left."""
+
+    rows: int = setting(250, "transitions", "that it learns from, at most", least=2)
+    steps: int = setting(1500, "transitions", "on which models are compared, at most", least=2)
+
+
+@dataclass(frozen=True)
+class ClosedStepSettings:
+    """Simulators that own their integration (MuJoCo models): steps are dear."""
+
+    fitted: int = setting(
+        100, "windows", "that the account is fitted to, and as many held out, at most", least=4
+    )
+    searched: int = setting(40, "windows", "that laws are fitted to while they are sought, at most", least=4)
