@@ -6,7 +6,8 @@ import re
 import sys
 from types import ModuleType
 
-from gpsim.diagnosis.fitting.size_prior import MOST_UNUSUAL, NATS_OF_DOUBLE_SIZE
+from gpsim.diagnosis.fitting.coordinates import LOG_SIZE
+from gpsim.diagnosis.ladder import USUAL as USUAL_LAWS
 from gpsim.effects.effect import Effect
 from gpsim.effects.families.clock_drift import TOLERATED
 from gpsim.effects.place import Place, Plausible
@@ -83,11 +84,10 @@ OF = {
 USUAL = f"""\
 ## Sizes that machines have
 
-Within these ranges every size is as good as any other. A size beyond its range costs an explanation
-{NATS_OF_DOUBLE_SIZE:g} nats a factor of two outside of it, four times that a factor of four, as the tail of a
-log-normal distribution does, and {MOST_UNUSUAL:g} nats at the most: such a size is possible where
-nothing plausible does as well, and [diagnosis.json](files.md#diagnosisjson) says of that effect that it is
-`implausible`. What begins at 0 counts from the value that does nothing, in either direction; of what begins above 0
+Within these ranges every size is as good as any other. What multiplies (masses, gains) is log-normal about 1 a priori,
+with a standard deviation of {LOG_SIZE:g}. An unusual law beyond its range does not stand; a usual one is told, and
+[diagnosis.json](files.md#diagnosisjson) says of it that it is `implausible`: twice beyond it is not `named`.
+What begins at 0 counts from the value that does nothing, in either direction; of what begins above 0
 the ratio counts. Families that are not here have no such range. *By reason*: nobody has measured it.
 
 | family | parameter | usual | source |

@@ -12,7 +12,6 @@ from gpsim.diagnosis import Diagnosis as Result
 from gpsim.diagnosis import LeftOpen, score
 from gpsim.diagnosis.report import NamedEffect, Score, Verdict
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.run import cores as processes
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.effects import Brought, bring, consent_to, installed, own_effect, read_effects
 from gpsim.errors import UsageError
@@ -245,8 +244,8 @@ class Diagnosis:
         plant = self._found.corrected(False)
         process = self.result.remainder.gp
         with_gp = self._found.corrected(True) if process is None or process.used else None
-        with processes(positive(cores, "cores")) as workers:
-            return score(taken, plant, with_gp, generator(whole(seed, "seed"), "score"), Run(workers))
+        run = Run(threads=positive(cores, "cores"))
+        return score(taken, plant, with_gp, generator(whole(seed, "seed"), "score"), run)
 
     def save(self, folder: str | Path) -> Path:
         """Write the folder that `gpsim diagnose --out` writes, whole or not at all; returns where it is.

@@ -7,7 +7,7 @@ from pathlib import Path
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.diagnosis import score
 from gpsim.diagnosis.report import Score
-from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.run import Run
 from gpsim.files import Json, read_object, write_json
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import told_effects
@@ -92,8 +92,8 @@ def _score_write(
     process = found.remainder.gp is None or found.remainder.gp.used
     with_gp = diagnose.read_corrected(diagnosis, gp=True) if process else None
     request.progress(0, 1, "simulating")
-    with blamed(corrected.simulator.name), cores(request.cores) as workers:
-        run = Run(workers, diagnose.read_thresholds(request))
+    with blamed(corrected.simulator.name):
+        run = Run(diagnose.read_thresholds(request), threads=request.cores)
         made = score(opened, corrected, with_gp, generator(request.seed, "score"), run)
     write_json(folder / FILE, made.to_dict())
     request.progress(1, 1, "done")

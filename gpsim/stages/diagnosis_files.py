@@ -16,12 +16,11 @@ from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.kinematics import calibrate
 from gpsim.diagnosis.report import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
-from gpsim.diagnosis.run import Decision, Run, cores
+from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
-from gpsim.gp import Predictor
 from gpsim.mjcf import Correction, MjcfSimulator, Moved, Place, planned
 from gpsim.recordings import Recording, without_poses
 from gpsim.reports.account_effects import claim_name
@@ -33,6 +32,7 @@ from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Progress, blamed, generator, silent
 
 if TYPE_CHECKING:
+    from gpsim.gp import Predictor
     from gpsim.reports.diagnosis_figures import Picture
 
 
@@ -190,7 +190,7 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     return pictures
 
 
-Process = Callable[[Channels], tuple[Predictor, Features]]
+Process = Callable[[Channels], "tuple[Predictor, Features]"]
 """process(channels of state and action): a Gaussian process and its inputs."""
 
 
@@ -220,9 +220,8 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         check_each_holds_out(recording)
         check_rates(sight.completed(recording), sight.simulator, parameters)
         rng = generator(question.seed, "diagnose")
-        with cores(question.cores) as workers:
-            run = Run(workers, question.settings, known=question.known)
-            found = diagnose(recording, simulator, parameters, rng, question.progress, run)
+        run = Run(question.settings, question.known, question.cores)
+        found = diagnose(recording, simulator, parameters, rng, question.progress, run)
     return found if seen is None else replace(found, diagnosis=replace(found.diagnosis, kinematics=seen.told))
 
 

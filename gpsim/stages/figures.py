@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from gpsim.artifacts import Artifact
 from gpsim.diagnosis import Diagnosis
@@ -185,12 +184,16 @@ def _residuals(folder: Path) -> Json:
 
 
 def _certified(folder: Path) -> Json:
+    import pandas as pd  # here, as below: half a second that a diagnosis need not wait for
+
     table = pd.read_csv(folder / "certified.csv")
     return {"starts": len(table), "certified": int(np.sum(table["certified"]))}
 
 
 def _training(folder: Path) -> Json:
     """The last row of the learning curve; None of what no episode of training had."""
+    import pandas as pd
+
     path = folder / "learning_curve.csv"
     table = pd.read_csv(path) if path.is_file() else pd.DataFrame()
     if table.empty:

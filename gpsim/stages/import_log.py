@@ -34,7 +34,6 @@ from gpsim.recordings import (
     read_yaml,
     write_recording,
 )
-from gpsim.reports.import_figure import draw_channels
 from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
@@ -182,6 +181,10 @@ def write_import(recording: Recording, report: ImportReport, folder: Path) -> No
     (folder / "figures").mkdir()
     mishaps, figure = Mishaps(), folder / "figures" / "channels.png"
     with mishaps.contained("figures/channels.png is left out"):
+        from gpsim.reports.import_figure import (
+            draw_channels,  # Matplotlib: who draws nothing need not wait for it
+        )
+
         draw_channels(recording, figure)
     if mishaps.lines:
         figure.unlink(missing_ok=True)

@@ -15,7 +15,7 @@ from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Explanation, LeftOpen
-from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.run import Run
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain
 from gpsim.planning import STATED, Around, Limits, Machine, Plan, PlanSettings, Steer, limits_of, make_plan
@@ -73,11 +73,11 @@ def planned(
     settings = build(PlanSettings, {k: v for k, v in section.items() if k not in STATED}, "plan")
     stated = {k: section[k] for k in STATED if k in section}
     limits = limits_of(stated, plant.simulator, posterior.visited)
-    with blamed(plant.simulator.name), cores(processes) as workers:
+    with blamed(plant.simulator.name):
         around = None
         if steer is not None:
             around = Around(steer, limits.low, limits.high, limits.rate, limits.idle, plant.dt)
-        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(workers), around)
+        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around)
         return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
 
 

@@ -5,31 +5,29 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
 
 from gpsim.artifacts import Artifact, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import (
     CommandFilter,
-    Drawable,
     Feature,
     Features,
     FunctionCorrection,
     GpCorrection,
-    PosteriorPlant,
     Prediction,
 )
 from gpsim.errors import UsageError
 from gpsim.files import plain, read_object, write_json
-from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.policies import Policy
-from gpsim.policies.training.settings import Checkpoints, LearningCurve
+
+if TYPE_CHECKING:
+    from gpsim.corrected import Drawable, PosteriorPlant
+    from gpsim.gp import Predictor
+    from gpsim.policies import Policy
+    from gpsim.policies.training.settings import Checkpoints, LearningCurve
 
 SURVIVES, PAGE = "survives.json", "survives.md"
 
@@ -102,6 +100,8 @@ def policy_artifact(folder: Path) -> Artifact:
 
 def read_policy(folder: Path) -> Policy:
     """The inverse of `write_policy`."""
+    from gpsim.policies import Policy  # here, as what else not every file needs: it takes a while to load
+
     arrays, metadata = _read(folder, "policy")
     try:
         return Policy.from_arrays(arrays, metadata)
@@ -124,6 +124,8 @@ def write_gp(
     `inputs` says for people what `features` says for programs: a channel may be called as a function of another one is
     written. wraps: input by input, whether its angle was taken between -pi and pi; written where one was.
     """
+    from gpsim.gp import to_arrays
+
     arrays, metadata = to_arrays(predictor)
     written = [item.to_json() for item in features.items]
     metadata = {**metadata, "inputs": list(features.names), "features": written}
@@ -136,6 +138,8 @@ def write_gp(
 
 def read_gp(folder: Path, channels: Channels) -> tuple[Predictor, Features]:
     """The inverse of `write_gp` for a simulator with these channels of state and action."""
+    from gpsim.gp import from_arrays
+
     arrays, metadata = _read(folder, "gp")
     try:
         predictor, inputs = from_arrays(arrays, metadata), metadata["inputs"]
@@ -169,18 +173,24 @@ def read_gp_correction(
 
 def write_curve(folder: Path, curve: LearningCurve) -> None:
     """learning_curve.csv."""
+    import pandas as pd
+
     frame = pd.DataFrame({"steps": curve.steps, "mean_return": curve.mean_return, "episodes": curve.episodes})
     frame.to_csv(folder / "learning_curve.csv", index=False, lineterminator="\n")
 
 
 def write_checkpoints(folder: Path, checkpoints: Checkpoints) -> None:
     """checkpoints.csv."""
+    import pandas as pd
+
     frame = pd.DataFrame(dataclasses.asdict(checkpoints))
     frame.to_csv(folder / "checkpoints.csv", index=False, lineterminator="\n")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """A safetensors file, through Python's own writer: a full disk is then an OSError like any other."""
+    from safetensors.numpy import save
+
     path.write_bytes(save({key: np.ascontiguousarray(array) for key, array in arrays.items()}))
 
 
@@ -190,6 +200,9 @@ def _write(folder: Path, name: str, arrays: Mapping[str, NDArray[Any]], metadata
 
 
 def _read(folder: Path, name: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+
     try:
         arrays = load_file(folder / f"{name}.safetensors")
     except (OSError, SafetensorError) as error:

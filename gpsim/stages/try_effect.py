@@ -19,7 +19,6 @@ from gpsim.simulators import SIMULATORS, Simulator, make_simulator
 EPISODES, STEPS, HELD, DT, NOISE = 8, 120, 8, 0.02, 1e-3
 PUSH = 3.0  # size of the commands, in their units
 NEAR = 0.1  # of a size: what is found again
-QUICK = {"stepwise": {"total_budget": 2e7}, "search": {"budget": 2e7}}
 
 
 @dataclass(frozen=True)
@@ -138,5 +137,4 @@ def made(
 def _asked(
     recording: Recording, simulator: Simulator, parameters: dict[str, float], known: Known, seed: int
 ) -> Outcome:
-    run = replace(Run(), settings=read_settings(QUICK), known=known)
-    return diagnose(recording, simulator, parameters, np.random.default_rng(seed), run=run)
+    return diagnose(recording, simulator, parameters, np.random.default_rng(seed), run=Run(known=known))

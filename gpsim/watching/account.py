@@ -14,7 +14,7 @@ from gpsim.diagnosis import LeftOpen
 from gpsim.diagnosis.assessment import covariance, posed
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import Settings, schedules
+from gpsim.diagnosis.settings import Settings
 from gpsim.recordings import Recording
 
 STEPS = 8  # of a refit from the account's values, which are near
@@ -98,8 +98,8 @@ def _run_for(recording: Recording) -> Run:
     """Settings under which every window of a long recording is looked at."""
     settings = Settings()
     windows = recording.transition_count // settings.windows.length + 1
-    wanted = max(windows, settings.prepare.fitted)
-    return Run(settings=replace(settings, prepare=replace(settings.prepare, fitted=wanted)))
+    wanted = max(windows, settings.windows.fitted)
+    return Run(replace(settings, windows=replace(settings.windows, fitted=wanted)))
 
 
 def _stretches(problem: Problem, seconds: float) -> Iterator[tuple[IntArray, float]]:
@@ -120,11 +120,10 @@ def _seconds(problem: Problem, rows: IntArray) -> float:
 
 
 def _judged(account: Account, part: Problem) -> tuple[FloatArray, FloatArray, float | None, dict[str, float]]:
-    hypothesis, starts = account.hypothesis, part.windows.measured[:, 0]
-    settle = schedules.SETTLE
-    base = fit(part, Hypothesis(scheme=hypothesis.scheme), starts, iterations=settle)
-    old = fit(part, hypothesis.frozen(), starts, iterations=settle)
-    new = fit(part, hypothesis, old.starts, iterations=STEPS, near=True)
+    hypothesis = account.hypothesis
+    old = fit(part, hypothesis.frozen(), rounds=STEPS)
+    base = fit(part, Hypothesis(scheme=hypothesis.scheme), rounds=STEPS, noise=old.noise)
+    new = fit(part, hypothesis, old.starts, STEPS, old.noise)
     deviation = np.sqrt(np.diag(covariance(part, new)))
     before, after = (mean_squares(part, f.residuals) for f in (base, old))
     names = part.simulator.state.names

@@ -1,5 +1,7 @@
 """The ladder: usual physics first, all at once; what is unusual beside it; measured curves on top."""
 
 from gpsim.diagnosis.ladder.climb import Climbed, climb
+from gpsim.diagnosis.ladder.laws import USUAL, Law, laws_of
+from gpsim.diagnosis.ladder.offers import Offer, Offers
 
-__all__ = ["Climbed", "climb"]
+__all__ = ["USUAL", "Climbed", "Law", "Offer", "Offers", "climb", "laws_of"]

@@ -17,7 +17,8 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
 from gpsim.diagnosis.ladder.account import Account
 from gpsim.diagnosis.ladder.laws import Law
-from gpsim.diagnosis.ladder.search import SETTLE, Lines, Search
+from gpsim.diagnosis.ladder.offers import Lines
+from gpsim.diagnosis.ladder.search import SETTLE, Search
 from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.effects import Place, Shape, Term, effect_of
 from gpsim.simulators import Simulator

@@ -15,7 +15,8 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.ladder.account import Account
 from gpsim.diagnosis.ladder.laws import Law
-from gpsim.diagnosis.ladder.search import CLOSE, FIRST_LOOK, SETTLE, Lines, Search
+from gpsim.diagnosis.ladder.offers import Lines, nudged
+from gpsim.diagnosis.ladder.search import CLOSE, FIRST_LOOK, SETTLE, Search
 from gpsim.effects import Gate, effect_of, has_patch
 
 MOMENTS = 10  # at which a law may have begun, that are scanned
@@ -91,7 +92,7 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
 def _values(account: Account, law: Law, stands: int | None, search: Search) -> tuple[list[float], float]:
     if stands is not None:
         return [account.hypothesis.terms[stands].values[p.name] for p in law.candidate.declared], 1.0
-    step, values = search.nudged(law)
+    step, values = nudged(law)
     own = law.candidate.declared[0]
     return values, (values[0] - own.none) or step
 

@@ -10,7 +10,7 @@ it looks at the whole recording.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,31 +21,32 @@ from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
 from gpsim.effects import ClosedStep, Term, closed
 from gpsim.recordings import Episode, Recording, evenly
 
-BANDS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # times the motion's own frequency, below which motion is kept
-NYQUIST = 0.8  # of it, the highest band
+BANDS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8)  # of the Nyquist frequency, below which motion is kept
 NARROWER = 1.5  # times lower is the frequency below which forces are compared: no filter's edge is sharp
 ORDER = 3  # of the filter (Butterworth), as if applied forwards and backwards
 FINE = 8.0  # samples a period of the band at least: the sign of a speed jumps
+PUSHED = 0.02  # of a row, that something else may push
 GAP = 5.0  # samples that are missing, behind which a recording begins anew
 LONGEST, PIECE, SHORTEST = 20_000, 2_000, 60  # samples that are looked at, in evenly spread pieces of so many
-FEWEST = 30  # rows, below which inverse dynamics say nothing
+FEWEST = 40  # rows, below which inverse dynamics say nothing
 TURNS = 0.05  # of a joint's usual speed, within which dry friction is taken to turn round
 STICKS = 0.15  # what a row counts while its joint hardly moves: nobody knows how much friction holds it
 HOLDS = 0.95  # quantile of the forces on a joint that stands, which friction holds at least
 BLOCKS, ROUNDS = 16, 4  # of rows, each left out once; of weights by what is left at each joint
 WINDOWS, SOUND = 30, 0.9  # that are simulated to compare, and which part of them counts: the best ones
 STEP, LATEST = 0.005, 0.15  # s, in which delays are scanned, and the longest one
-NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (rows are alike, and so is what is wrong with them); for a delay, beside BIC
+NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (what is wrong with rows is alike); for a delay, beside BIC
 STIFFNESS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.6, 2.5), (0.78, 0.88, 1.12, 1.28)
 """Of what is believed of servos' gains: where it is looked for, and about the best of these and what is believed."""
 ALIKE, BETTER, SURELY = 0.98, 0.95, 0.8  # of an error: as good; that must be reached; by a model of other bodies
 PARTED = 0.5  # of a prior's deviation, above which the log does not tell a row from nothing
 ROUGHLY = 0.3  # of a size that no blocks size, its deviation
-WIDEST = (-0.75, 3.0)  # of what a gain or a mass is believed to be, the most that it is off
 GAIN, LATE, MASS, STIFF, DRY = "actuator_gain", "actuator_delay", ".mass", ".kp", "coulomb_friction"
 ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, "constant_force": 1.0}
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
+WIDEST = (-0.75, 3.0)  # of what a gain or a mass is believed to be, the most that it is off
+Place = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,8 @@ class Sized:
     delay: s, by how much all commands come late; share: of the squared force residual that the rows take off.
     """
 
-    values: Mapping[tuple[str, str], tuple[float, ...]]
-    deviations: Mapping[tuple[str, str], tuple[float, ...]]
+    values: Mapping[Place, tuple[float, ...]]
+    deviations: Mapping[Place, tuple[float, ...]]
     delay: float
     share: float
 
@@ -72,21 +73,24 @@ def by_inverse_dynamics(
     if system is None or len(simulator.state) != 2 * len(simulator.coordinates):
         return None
     log = _Log(problem, system, recording, tuple(c for c in candidates if not c.variant))
-    every = [forces for band in log.bands if (forces := _Forces(log, band)).enough]
+    bands = [band / 2.0 / recording.dt for band in BANDS] if log.rows and log.pieces else []
+    every = [forces for band in bands if (forces := _Forces(log, band)).enough]
     if not every:
         return None
     trials = _Trials(problem)
-    best = trials.middle([forces.fitted() for forces in every])
+    fits = [forces.fitted() for forces in every]
+    best = trials.surest(fits)
+    for joint in range(len(simulator.coordinates)):
+        best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
+    best = trials.surest([fit.holding(best.held) for fit in fits])
     for ratios in STIFFNESS if log.servos else ():
-        best = trials.better(best, [best.forces.stiffer(ratio).fitted() for ratio in ratios], BETTER)
+        stiffer = [replace(best.forces, stiff=best.forces.stiff * r).fitted() for r in ratios]
+        best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
     late = best.forces.late()
     if late > 0.0:
-        later = [replace(forces, stiff=best.forces.stiff).fitted(late) for forces in every]
-        best = trials.better(best, [trials.middle(later)], BETTER)
-    best = trials.better(best, [best.forces.fitted(best.late, kind) for kind in log.kinds], SURELY)
-    for held in range(len(simulator.coordinates)):
-        best = trials.better(best, best.holding(held), BETTER)
-    return best.sized
+        best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
+    others = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
+    return trials.better(best, others, SURELY).sized
 
 
 class _Trials:
@@ -98,6 +102,7 @@ class _Trials:
         at = [state.index(c.name) for c in problem.simulator.coordinates]
         self._seen = [i for i in at if problem.observed[i]]
         self._usual = self._missed(Hypothesis()).mean(axis=0) + 1e-24
+        self._errors = dict[_Fit, float]()
 
     def _missed(self, hypothesis: Hypothesis) -> FloatArray:
         """(W, Q) mean squares."""
@@ -107,14 +112,16 @@ class _Trials:
 
     def error(self, fit: _Fit) -> float:
         """The mean over usual windows and all positions."""
-        each = np.sort(np.sqrt(self._missed(fit.hypothesis) / self._usual).mean(axis=1))
-        return float(each[: max(int(SOUND * len(each)), 1)].mean())
+        if fit not in self._errors:
+            each = np.sort(np.sqrt(self._missed(fit.hypothesis) / self._usual).mean(axis=1))
+            self._errors[fit] = float(each[: max(int(SOUND * len(each)), 1)].mean())
+        return self._errors[fit]
 
-    def middle(self, fits: Sequence[_Fit]) -> _Fit:
-        """Of fits in higher and higher bands the middle one of those that are as good as the best."""
-        errors = [self.error(fit) for fit in fits]
-        good = [fit for fit, error in zip(fits, errors, strict=True) if ALIKE * error <= min(errors)]
-        return good[(len(good) - 1) // 2]
+    def surest(self, fits: Sequence[_Fit]) -> _Fit:
+        """Of those that are as good as the best the one that is least uncertain: bands differ in noise and in news."""
+        least = min(self.error(fit) for fit in fits)
+        good = [fit for fit in fits if ALIKE * self.error(fit) <= least]
+        return good[int(np.argmin([np.log(fit.deviations).mean() for fit in good]))]
 
     def better(self, fit: _Fit, others: Sequence[_Fit], share: float) -> _Fit:
         """The best of the others, where it misses less than this share of what the first one misses."""
@@ -138,7 +145,7 @@ class _Row:
     def bounds(self) -> tuple[float, float]:
         """Of its size; what the model has of it is never all of it in error, or light links would whirl."""
         p = self.candidate.declared[0]
-        return WIDEST if self.kind in OFF else (0.9 * p.low if p.low < 0.0 else 0.0, p.high)
+        return WIDEST if self.kind in OFF else (0.9 * p.low if self.kind != "constant_force" else p.low, p.high)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,9 +160,8 @@ class _Log:
     @cached_property
     def columns(self) -> tuple[IntArray, IntArray]:
         """Of all coordinates the columns of their positions and of their speeds."""
-        state, coordinates = self.problem.simulator.state, self.problem.simulator.coordinates
-        names = [c.name for c in coordinates], [c.velocity for c in coordinates]
-        return np.array([state.index(n) for n in names[0]]), np.array([state.index(n) for n in names[1]])
+        index, coordinates = self.problem.simulator.state.index, self.problem.simulator.coordinates
+        return np.array([index(c.name) for c in coordinates]), np.array([index(c.velocity) for c in coordinates])
 
     @cached_property
     def rows(self) -> list[_Row]:
@@ -181,14 +187,12 @@ class _Log:
 
         What a servo gives has no other measure than the believed bodies.
         """
-        if self.servos:
-            return []
         drives: Mapping[str, str] = getattr(self.problem.simulator, "drives", {})
         joints, driven = [c.name for c in self.problem.simulator.coordinates], list(drives.values())
-        gains = [c for c in self.candidates if c.family == GAIN and drives.get(c.place.on) in joints]
-        alone = [c for c in gains if driven.count(drives[c.place.on]) == 1]
+        alone = [c for c in self.candidates if c.family == GAIN and driven.count(drives.get(c.place.on, "")) == 1]
+        motors = [_Row(c, joints.index(drives[c.place.on])) for c in alone if drives[c.place.on] in joints]
         masses = [[_Row(c, -1)] for c in self.candidates if c.place.on.endswith(MASS)]
-        return [*([[_Row(c, joints.index(drives[c.place.on])) for c in alone]] if alone else []), *masses]
+        return [] if self.servos else [motors, *masses] if motors else masses
 
     @cached_property
     def dry(self) -> tuple[FloatArray, list[Term]]:
@@ -206,8 +210,7 @@ class _Log:
         dt, at = self.recording.dt, self.columns[0]
         wraps, found = np.array(self.problem.simulator.state.wraps)[at], []
         for e in self.recording.episodes:
-            counts = np.ones(len(e.t), bool) if e.weights is None else (e.weights[:, at] > 0).all(axis=1)
-            good = np.flatnonzero(counts)
+            good = np.flatnonzero(np.ones(len(e.t)) if e.weights is None else e.weights[:, at].min(axis=1) > 0)
             for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * dt) + 1):
                 if len(run) >= SHORTEST:
                     q = e.states[run][:, at]
@@ -215,25 +218,6 @@ class _Log:
                     grid = np.arange(e.t[run[0]], e.t[run[-1]], dt)
                     found += [(e, t, path(t)) for t in np.array_split(grid, -(-len(grid) // PIECE))]
         return [found[i] for i in evenly(len(found), LONGEST // PIECE)]
-
-    @cached_property
-    def bands(self) -> list[float]:
-        """Frequencies [Hz] below which motion is kept."""
-        if not self.pieces or not self.rows:
-            return []
-        most, own = NYQUIST / 2.0 / self.recording.dt, self._frequency()
-        return [min(own * b, most) for b in BANDS if own * b < 1.5 * most] or [most]
-
-    def _frequency(self) -> float:
-        """Below which usual joints move [Hz], between their positions, which drift, and their speeds, of noise."""
-        grid = np.linspace(0.0, 0.5 / self.recording.dt, 1000)
-        power = np.zeros((len(grid), len(self.columns[0])))
-        for _, t, q in self.pieces:
-            still = (q - np.linspace(q[0], q[-1], len(q))) * np.hanning(len(t))[:, None]
-            found, f = np.abs(np.fft.rfft(still, axis=0)) ** 2, np.fft.rfftfreq(len(t), self.recording.dt)
-            power += grid[:, None] * np.stack([np.interp(grid, f, column) for column in found.T], axis=1)
-        share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
-        return float(np.median(grid[(share < 0.95).sum(axis=0).clip(1, len(grid) - 1)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,29 +228,16 @@ class _Forces:
     band: float
     stiff: float = 1.0
 
-    def stiffer(self, ratio: float) -> _Forces:
-        """The same of servos that are stiffer by this ratio."""
-        return replace(self, stiff=self.stiff * ratio)
-
     @cached_property
-    def dt(self) -> float:
-        """Time [s] from one sample at which forces are found to the next."""
-        return self._every * self.log.recording.dt
-
-    @property
-    def _every(self) -> int:
+    def every(self) -> int:
+        """Samples from one at which forces are found to the next."""
         return max(int(1.0 / (FINE * self.band * self.log.recording.dt)), 1)
-
-    @cached_property
-    def moments(self) -> list[FloatArray]:
-        """Of every piece the times [s] of those samples."""
-        return [t[:: self._every] for _, t, _ in self.log.pieces]
 
     @cached_property
     def motion(self) -> FloatArray:
         """(3, N, C): positions, speeds and accelerations."""
         dt, pieces = self.log.recording.dt, self.log.pieces
-        return np.concatenate([_below(self.band, q, dt, 3)[:, :: self._every] for _, _, q in pieces], axis=1)
+        return np.concatenate([_below(self.band, q, dt, 3)[:, :: self.every] for _, _, q in pieces], axis=1)
 
     @cached_property
     def states(self) -> FloatArray:
@@ -283,46 +254,38 @@ class _Forces:
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
         out = []
-        for (e, _, _), t in zip(self.log.pieces, self.moments, strict=True):
-            middle = (e.t[1:] + e.t[:-1]) / 2.0
-            out.append([np.interp(t - late, middle, given) for given in e.actions.T])
-        return np.concatenate([np.reshape(part, (-1, len(t))).T for part, t in zip(out, self.moments, strict=True)])
+        for e, t, _ in self.log.pieces:
+            at, middle = t[:: self.every] - late, (e.t[1:] + e.t[:-1]) / 2.0
+            out.append(np.reshape([np.interp(at, middle, given) for given in e.actions.T], (-1, len(at))).T)
+        return np.concatenate(out)
 
     def lacking(self, commands: FloatArray, *terms: Term) -> FloatArray:
         """(N, C): what the motion takes beyond what the model, with these terms, is given."""
-        force, less = self.log.dry
-        problem = self.log.problem
+        (force, less), problem = self.log.dry, self.log.problem
         believed = {c.place.on: self.stiff * problem.parameters[c.place.on] for c in self.log.servos}
         given = self.states, commands, self.motion[2], {**problem.parameters, **believed}
         lacks = self.log.system.lacking_force(*given, [*less, *terms])
         return np.nan_to_num(lacks, posinf=0.0, neginf=0.0) + force * self.way
 
-    def _split(self, rows: FloatArray | BoolArray) -> list[FloatArray]:
-        """Rows (N, ...) piece by piece."""
-        return np.split(rows, np.cumsum([len(t) for t in self.moments])[:-1])
+    def _heard(self, force: FloatArray | BoolArray, plain: bool = False) -> FloatArray:
+        """(K, ...): forces (N, ...) below the lower frequency, or as they are, at rows that tell something new.
 
-    def heard(self, force: FloatArray) -> FloatArray:
-        """(K, ...): forces (N, ...) below the lower frequency, at rows that tell something new."""
-        parts = [_below(self.band / NARROWER, f, self.dt)[0][self._kept(len(f))] for f in self._split(force)]
-        return np.concatenate(parts)
-
-    def _kept(self, count: int) -> slice:
-        """Rows of a piece, without those where a filter has not settled."""
-        period = 1.0 / self.band / self.dt
-        edge = int(period) + 1
-        return slice(edge, max(count - edge, edge), max(int(period * NARROWER / 4.0), 1))
+        None of those are where a filter has not settled.
+        """
+        period, out = 1.0 / self.band / (self.every * self.log.recording.dt), []
+        ends = np.cumsum([len(t[:: self.every]) for _, t, _ in self.log.pieces])[:-1]
+        for f in np.split(force, ends):
+            rows = slice(int(period) + 1, max(len(f) - int(period) - 1, 0), max(int(period * NARROWER / 4.0), 1))
+            low = self.band / NARROWER, f, self.every * self.log.recording.dt
+            out.append((f if plain else _below(*low)[0])[rows])
+        return np.concatenate(out)
 
     @cached_property
     def counts(self) -> FloatArray:
         """(K, C): what a row counts at a joint: little where that hardly moves, nothing where something pushes it."""
-        width, out = int(NARROWER / self.band / self.dt / 2.0), []
-        pushed = self._split(self.log.system.hindered(self.states))
-        for some, way in zip(pushed, self._split(self.way), strict=True):
-            rows = np.arange(len(way))[self._kept(len(way))]
-            about = np.clip(rows[:, None] + np.arange(-width, width + 1), 0, len(way) - 1)
-            moves = np.abs(way[rows]) > np.tanh(1.0)
-            out.append(np.where(some[about].any(axis=1), 0.0, np.where(moves, 1.0, STICKS)))
-        return np.concatenate(out)
+        moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
+        pushed = self._heard(self.log.system.hindered(self.states).astype(float))
+        return np.where(np.abs(pushed) > PUSHED, 0.0, np.where(moves, 1.0, STICKS))
 
     @property
     def enough(self) -> bool:
@@ -332,22 +295,22 @@ class _Forces:
     @cached_property
     def takes(self) -> FloatArray:
         """(K, C): what the model takes for the motion where nothing is commanded."""
-        return self.heard(self.lacking(0.0 * self.commands(0.0)))
+        return self._heard(self.lacking(0.0 * self.commands(0.0)))
 
     @cached_property
     def at_once(self) -> FloatArray:
         """(K, C): what drives give beyond what the model takes, where commands come at once."""
-        return -self.heard(self.lacking(self.commands(0.0)))
+        return -self._heard(self.lacking(self.commands(0.0)))
 
     def gives(self, late: float) -> FloatArray:
         """(K, C): the same where they come so late."""
-        return -self.heard(self.lacking(self.commands(late))) if late else self.at_once
+        return -self._heard(self.lacking(self.commands(late))) if late else self.at_once
 
     @cached_property
     def of_rows(self) -> FloatArray:
         """(K, C, R): what rows of size 1 take."""
         moved = np.stack([self.motion[1], self.way, self.motion[2], -np.ones_like(self.way)], axis=2)
-        heard = dict(zip(ROWS, np.moveaxis(self.heard(moved), 2, 0), strict=True))
+        heard = dict(zip(ROWS, np.moveaxis(self._heard(moved), 2, 0), strict=True))
         out = np.zeros((*self.counts.shape, len(self.log.rows)))
         for i, row in enumerate(self.log.rows):
             out[:, row.joint, i] = heard[row.kind][:, row.joint]
@@ -361,7 +324,7 @@ class _Forces:
             more = self.log.recording.dt / 4.0
             return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
         mass = row.candidate.term((1.0 + OFF[MASS],))
-        return (self.heard(self.lacking(self.commands(late), mass)) + self.gives(late)) / OFF[MASS]
+        return (self._heard(self.lacking(self.commands(late), mass)) + self.gives(late)) / OFF[MASS]
 
     def prior(self, rows: Sequence[_Row]) -> FloatArray:
         """(P,) deviations of sizes a priori."""
@@ -370,18 +333,14 @@ class _Forces:
         usual = np.sqrt(np.maximum(*both) / np.maximum(some.sum(axis=0), 1))
         for row in (r for r in self.log.rows if r.kind == DRY):
             usual[row.joint] = max(usual[row.joint], 5.0 * row.candidate.declared[0].scale)
-        one = np.ones_like(usual)
-        by = dict(zip(ROWS, (self.motion[1].std(axis=0), one, self.motion[2].std(axis=0), one), strict=True))
-        return np.array(
-            [OFF[r.kind] if r.kind in OFF else ROWS[r.kind] * usual[r.joint] / (by[r.kind][r.joint] + 1e-12) for r in rows]
-        )
+        moved = np.sqrt((self.of_rows**2).mean(axis=(0, 1)) * len(usual)) + 1e-12
+        rest = [OFF[row.kind] for row in rows[len(moved) :]]
+        return np.array([*(ROWS[r.kind] * usual[r.joint] / m for r, m in zip(self.log.rows, moved, strict=True)), *rest])
 
     def late(self) -> float:
         """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
-        if not self.log.late:
-            return 0.0
-        high, step = min(LATEST, *(c.declared[0].high for c in self.log.late)), self.log.recording.dt
-        scan = np.arange(0.0, high, max(STEP, step / 2.0))
+        high, step = min([LATEST, *(c.declared[0].high for c in self.log.late)]), self.log.recording.dt
+        scan = np.arange(0.0, high, max(STEP, step / 2.0)) if self.log.late else np.zeros(1)
         weights, columns = self.counts, self.of_rows * self.counts[:, :, None]
         bases = [np.linalg.qr(columns[:, j, columns[:, j].any(axis=0)])[0] for j in range(weights.shape[1])]
         nats = 0.5 * (scan / step) ** 2 + (scan > 0.0) * (ENOUGH + 0.5 * np.log(NEWS * len(weights)))
@@ -402,7 +361,10 @@ class _Forces:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Rows' sizes, their deviations, whether the log tells of them (P,); mean squares at joints without and with them."""
+    """Rows' sizes, their deviations, whether the log tells of them (P,); mean squares at joints before and after (C,).
+
+    begun: s, how late commands were taken to come; held: joints that friction holds.
+    """
 
     forces: _Forces
     begun: float
@@ -412,33 +374,31 @@ class _Fit:
     told: BoolArray
     was: FloatArray
     left: FloatArray
+    held: tuple[int, ...] = ()
+
+    def holding(self, joints: Sequence[int]) -> _Fit:
+        """The same with as much dry friction as holds joints that mostly stand: of that, forces tell but a limit."""
+        forces, sizes, deviations, held = self.forces, self.sizes.copy(), self.deviations.copy(), []
+        for i, row in enumerate(self.rows):
+            stands, counted = forces.counts[:, row.joint] == STICKS, forces.counts[:, row.joint] > 0
+            if row.kind == DRY and row.joint in joints and 2 * stands.sum() > counted.sum():
+                rest = np.where(np.arange(len(sizes)) == i, 0.0, sizes)[: len(forces.log.rows)]
+                lacks = forces.gives(self.begun)[stands, row.joint] - forces.of_rows[stands, row.joint] @ rest
+                sizes[i] = max(sizes[i], np.clip(np.quantile(np.abs(lacks), HOLDS), *row.bounds))
+                deviations[i] = ROUGHLY * sizes[i]
+                held.append(row.joint)
+        return replace(self, sizes=sizes, deviations=deviations, held=tuple(held))
 
     @cached_property
     def late(self) -> float:
         """How late commands come [s]."""
         return self.begun + sum(float(s) for s, r in zip(self.sizes, self.rows, strict=True) if r.kind == LATE)
 
-    def holding(self, joint: int) -> list[_Fit]:
-        """The same with as much dry friction as holds a joint which mostly stands; none where it moves.
-
-        Then forces say little of friction but how much they are and it stands nevertheless.
-        """
-        stands = (self.forces.counts[:, joint] > 0) & (self.forces.counts[:, joint] < 1)
-        index = next((i for i, r in enumerate(self.rows) if r.kind == DRY and r.joint == joint), None)
-        if index is None or 2 * stands.sum() <= (self.forces.counts[:, joint] > 0).sum():
-            return []
-        others = np.where(np.arange(len(self.forces.log.rows)) == index, 0.0, self.sizes[: len(self.forces.log.rows)])
-        lacks = self.forces.gives(self.begun)[stands, joint] - self.forces.of_rows[stands, joint] @ others
-        sizes, deviations = self.sizes.copy(), self.deviations.copy()
-        sizes[index] = np.clip(np.quantile(np.abs(lacks), HOLDS), *self.rows[index].bounds)
-        deviations[index] = ROUGHLY * sizes[index]
-        return [replace(self, sizes=sizes, deviations=deviations)] if sizes[index] > self.sizes[index] else []
-
     @cached_property
-    def values(self) -> dict[tuple[str, str], tuple[float, float]]:
+    def values(self) -> dict[Place, tuple[float, float]]:
         """Of what the log tells the value and its deviation."""
         gains = {r.joint: 1.0 / (1.0 + s) for r, s in zip(self.rows, self.sizes, strict=True) if r.kind == GAIN}
-        out, log = dict[tuple[str, str], tuple[float, float]](), self.forces.log
+        out, log, stiff = dict[Place, tuple[float, float]](), self.forces.log, self.forces.stiff
         for row, size, sd, told in zip(self.rows, self.sizes, self.deviations, self.told, strict=True):
             gain, p = gains.get(row.joint, 1.0), row.candidate.declared[0]
             value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0)}.get(row.kind, (size * gain, gain))
@@ -446,7 +406,6 @@ class _Fit:
                 out |= {c.identity: (self.late, float(sd)) for c in log.late}
             elif told:
                 out[row.candidate.identity] = float(np.clip(value, p.low, p.high)), float(sd * slope)
-        stiff = self.forces.stiff
         return out | {c.identity: (stiff, ROUGHLY * stiff) for c in log.servos if stiff != 1.0}
 
     @property
@@ -468,7 +427,7 @@ class _Fit:
 def _least_squares(
     columns: FloatArray, lacks: FloatArray, counts: FloatArray, prior: FloatArray, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray]:
-    """Sizes (P,) of columns (K, C, P) between bounds, deviations, whether they are told; mean squares of joints (C,)."""
+    """Sizes (P,) of columns (K, C, P) between bounds, deviations, whether they are told; mean squares of joints."""
     from scipy.optimize import lsq_linear  # here: most commands need not wait for it
 
     a, y = columns * counts[:, :, None] * prior, lacks * counts

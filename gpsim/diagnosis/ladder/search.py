@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.coordinates import coordinates
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.shooting import Fit, Noise, Shooting, Slopes, step_sizes
+from gpsim.diagnosis.fitting import Hypothesis, Noise, Problem, Shooting
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
+from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.effects import Scheme
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
@@ -85,17 +83,17 @@ class Search:
             self.account = self._with(
                 law, [p.none if not p.place else p.starts[0] for p in law.candidate.declared]
             )
-        jumps, noisy = [law for law in usual if not law.has_slope], True
+        jumps = [law for law in usual if not law.has_slope]
         for turn in range(len(jumps) + 1):
             self.refit(FIRST_LOOK)
             found = self.offers([law for law in jumps if not self.account.holds(law)])
             if not found:
                 break
-            gain, law, values = max(found, key=lambda f: f[0] - self.price(f[1]))
-            if gain < self.price(law):
+            best = max(found, key=lambda o: o.gain - self.price(o.law))
+            if best.gain < self.price(best.law):
                 break
-            self.account = self._with(law, values)
-            self.say("started from", True, law.name, gain=gain)
+            self.account = self._with(best.law, best.values)
+            self.say("started from", True, best.law.name, gain=best.gain)
         for _ in range(2):
             self.refit(SETTLE)
             self.tell_noise()
@@ -112,9 +110,9 @@ class Search:
         basis: FloatArray | None = None
         slopes = self.shooting.slopes(self.account.fit, parameters=False)
         for law in laws:
-            column = slopes.off_starts(self._column(law))[:, :, 0].ravel()
-            size = float(column @ column)
-            left = column
+            own = slopes.off_starts(column(self.shooting, self.account.fit, law))[:, :, 0].ravel()
+            size = float(own @ own)
+            left = own
             if basis is not None and size > 0:
                 for _ in range(2):
                     left = left - basis @ (basis.T @ left)
@@ -126,33 +124,6 @@ class Search:
             basis = unit if basis is None else np.concatenate([basis, unit], axis=1)
             kept.append(law)
         return kept
-
-    def _column(self, law: Law) -> FloatArray:
-        """(W, M, 1) the whitened slope of what an absent law takes off the residual, at nothing."""
-        own, values = self.nudged(law)
-        point = self.account.fit
-        _, hypothesis = self.account.plus(law, values)
-        moved = self.shooting.residuals(hypothesis, hypothesis.theta[None], point.starts[None])[0]
-        white = (point.residuals - moved) * self.shooting.noise.whitening / own
-        return np.nan_to_num(white).reshape(len(point.starts), -1, 1)
-
-    def nudged(self, law: Law) -> tuple[float, list[float]]:
-        """How far an absent law with a slope is moved from nothing, and its values there."""
-        declared = law.candidate.declared
-        own = coordinates(declared)
-        z = np.where([p.place for p in declared], own.centre, 0.0)
-        first = (
-            next(i for i, p in enumerate(declared) if not p.place)
-            if not all(p.place for p in declared)
-            else 0
-        )
-        step = float(
-            step_sizes(Hypothesis().plus(law.term([p.starts[0] for p in declared]), declared), own)[first]
-        )
-        if z[first] + step > own.high[first]:
-            step = -step
-        z[first] += step
-        return step, list(own.natural(z))
 
     def in_base_steps(self, scheme: Scheme) -> None:
         """The base's own step in the place of fine ones, where all that is usual explains the recording better with it."""
@@ -176,35 +147,9 @@ class Search:
 
     # What is absent
 
-    def offers(self, laws: Sequence[Law]) -> list[tuple[float, Law, list[float]]]:
-        """Of each absent law the gain that lines promise from its best start, all others following [nats]."""
-        if not laws:
-            return []
-        point, shooting = self.account.fit, self.shooting
-        lines = Lines(shooting.slopes(point), point)
-        out = []
-        for law in laws:
-            best: tuple[float, Law, list[float]] | None = None
-            if law.has_slope:
-                step, nudged = self.nudged(law)
-                gain, size = lines.along(self._column(law)[:, :, 0])
-                mine = coordinates(law.candidate.declared)
-                z = np.where([p.place for p in law.candidate.declared], mine.centre, 0.0)
-                first = next((i for i, p in enumerate(law.candidate.declared) if not p.place), 0)
-                if size < mine.low[first] or size > mine.high[first]:
-                    gain = 0.0
-                z[first] = np.clip(size, mine.low[first], mine.high[first])
-                best = (gain, law, list(mine.natural(z)))
-            else:
-                hypotheses = [self.account.plus(law, v)[1] for v in law.starts]
-                thetas = np.stack([h.theta for h in hypotheses])
-                copies = np.tile(point.starts, (len(thetas), 1, 1))
-                left = shooting.residuals(hypotheses[0], thetas, copies) * shooting.noise.whitening
-                gains = [lines.gain(np.nan_to_num(r, nan=1e6).reshape(len(point.starts), -1)) for r in left]
-                k = int(np.argmax(gains))
-                best = (gains[k], law, list(law.starts[k]))
-            out.append(best)
-        return out
+    def offers(self, laws: Sequence[Law]) -> list[Offer]:
+        """Of each absent law what lines promise from its best start, all others following."""
+        return Offers(self.shooting, self.account.fit).of(laws) if laws else []
 
     def _probe(self, laws: Sequence[Law]) -> None:
         """Absent laws with a jump in an exact fit each, while one of them pays: slopes mislead from a wrong place."""
@@ -217,13 +162,13 @@ class Search:
         """The absent law that pays most of those that promise most, in an exact fit; whether one pays."""
         if self.left() <= 0.0:
             return False
-        found = sorted(self.offers(laws), key=lambda f: self.price(f[1]) - f[0])[:most]
+        found = sorted(self.offers(laws), key=lambda o: self.price(o.law) - o.gain)[:most]
         best, before = None, self.score(self.account)
-        for gain, law, values in found:
-            added, hypothesis = self.account.plus(law, values)
+        for offer in found:
+            added, hypothesis = self.account.plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
             self.tried.append(tried)
-            if self._strange(tried, law):
+            if self._strange(tried, offer.law):
                 continue
             if best is None or self.score(tried) < self.score(best):
                 best = tried
@@ -353,21 +298,21 @@ class Search:
     def _swapped(self, less: Mapping[Key, Account], done: set[tuple[object, ...]]) -> bool:
         account, now = self.account, self.score(self.account)
         names = tuple(sorted(law.key for law in account.laws))
-        for law in sorted(
-            account.laws, key=lambda own: less[own.key].fit.cost if own.key in less else np.inf
-        ):
+        offers, rows = Offers(self.shooting, account.fit), account.rows
+        order = sorted(range(len(rows)), key=lambda i: less[account.laws[i].key].fit.cost if account.laws[i].key in less else 0.0)
+        for index in order:
+            law = account.laws[index]
             if law.key not in less:
                 continue
             part = less[law.key]
             absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
             missed = self.score(part) - now
-            self.account = part
-            near = [f for f in self.offers(absent) if f[0] - self.price(f[1]) > missed - HOPELESS]
-            near = sorted(near, key=lambda f: self.price(f[1]) - f[0])[:PROBED]
-            self.account = account
-            for _, other, values in near:
+            near = [o for o in offers.in_place(absent, rows[index], part.fit) if o.gain - self.price(o.law) > missed - HOPELESS]
+            near = sorted(near, key=lambda o: self.price(o.law) - o.gain)[:PROBED]
+            for offer in near:
+                other = offer.law
                 done.add((law.key, other.key, names))
-                laws, hypothesis = part.plus(other, values)
+                laws, hypothesis = part.plus(other, offer.values)
                 tried = self.fitted(laws, hypothesis, part.fit.starts, FIRST_LOOK)
                 if self.score(tried) > now + HOPELESS:
                     continue
@@ -381,6 +326,18 @@ class Search:
                     self.account = tried
                     return True
         return False
+
+    def _leaner(self, account: Account, kept: Law) -> Account:
+        """An account without what no longer pays beside a law."""
+        prices = [self.price(law) for law in account.laws]
+        held = [law.key == kept.key or law.free for law in account.laws]
+        gone = Quadratic(account).taken_away(prices, held)
+        if not gone:
+            return account
+        before, self.account = self.account, account
+        less = self.without([g.index for g in gone], placed(account.hypothesis, gone[-1].z), CLOSE)
+        self.account = before
+        return less if self.score(less) < self.score(account) else account
 
     def _enough_in_place(self, law: Law, other: Law) -> float:
         """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake."""
@@ -407,26 +364,12 @@ class Search:
         point = shooting.at(account.hypothesis.frozen(), np.array(windows.measured[:, 0]))
         return shooting.fit(point, 3).costs
 
-    def _leaner(self, account: Account, kept: Law) -> Account:
-        """An account without what no longer pays beside a law."""
-        prices = [self.price(law) for law in account.laws]
-        held = [law.key == kept.key or law.free for law in account.laws]
-        gone = Quadratic(account).taken_away(prices, held)
-        if not gone:
-            return account
-        before, self.account = self.account, account
-        less = self.without([g.index for g in gone], placed(account.hypothesis, gone[-1].z), CLOSE)
-        self.account = before
-        return less if self.score(less) < self.score(account) else account
-
-    # What the user requires
-
     def require(self) -> None:
         """What the user requires and the account lacks, fitted; where it does nothing it goes again."""
         for law in self.laws:
             if law.free and not self.account.holds(law):
-                ((_, _, values),) = self.offers([law])
-                laws, hypothesis = self.account.plus(law, values)
+                (offer,) = self.offers([law])
+                laws, hypothesis = self.account.plus(law, offer.values)
                 self.account = self.fitted(laws, hypothesis, self.account.fit.starts, SETTLE)
 
     def why_not(self, account: Account) -> str:
@@ -476,54 +419,3 @@ class Search:
             (counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum()
         )
         return max(0.0, self.later(self.account) - 1.1 * known)
-
-
-class Lines:
-    """What an absent law gains by lines: start states, and the account's parameters within their bounds, follow."""
-
-    def __init__(self, slopes: Slopes, point: Fit) -> None:
-        own, self.slopes = coordinates(point.hypothesis.parameters), slopes
-        size = slopes.by_theta.shape[2]
-        self._j = slopes.off_starts(slopes.by_theta).reshape(-1, size)
-        held = np.diag(1.0 / own.prior**2)
-        self._pull = held @ (point.z - own.centre)
-        self._h = self._j.T @ self._j + held
-        self._inverse = np.linalg.pinv(self._h, rcond=1e-12, hermitian=True) if size else self._h
-        self._own, self._z = own, point.z
-        self._base = self._cost(slopes.r)
-
-    def _cost(self, r: FloatArray) -> float:
-        left = self.slopes.off_starts(r[:, :, None])[:, :, 0].ravel()
-        b = self._j.T @ left - self._pull
-        d = self._inverse @ b
-        if len(d):
-            d = np.clip(self._z + d, self._own.low, self._own.high) - self._z
-        return float(0.5 * left @ left - d @ b + 0.5 * d @ self._h @ d)
-
-    def gain(self, r: FloatArray) -> float:
-        """Nats, of the whitened residual (W, M) with the law."""
-        return self._base - self._cost(r)
-
-    def along(self, column: FloatArray) -> tuple[float, float]:
-        """Nats and the size, of a law whose slope is a column (W, M)."""
-        c = self.slopes.off_starts(column[:, :, None])[:, :, 0].ravel()
-        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
-        cj = self._j.T @ c
-        size = float(c @ c - cj @ self._inverse @ cj)
-        pull = float(c @ r - cj @ self._inverse @ (self._j.T @ r))
-        return (0.5 * pull**2 / size, pull / size) if size > 1e-9 * float(c @ c) else (0.0, 0.0)
-
-    def heights(
-        self, columns: FloatArray, penalty: FloatArray
-    ) -> tuple[float, FloatArray, float, FloatArray]:
-        """Of a curve whose heights have columns (W, M, K): nats, the heights, effective parameters, deviations (K,)."""
-        c = self.slopes.off_starts(columns).reshape(-1, columns.shape[2])
-        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
-        cj = c.T @ self._j
-        own = c.T @ c - cj @ self._inverse @ cj.T
-        pull = c.T @ r - cj @ self._inverse @ (self._j.T @ r)
-        inverse = np.linalg.inv(own + penalty + 1e-12 * np.trace(own) * np.eye(len(own)))
-        heights = inverse @ pull
-        gain = float(heights @ pull - 0.5 * heights @ (own + penalty) @ heights)
-        freedom = float(np.trace(inverse @ own))
-        return gain, heights, freedom, np.sqrt(np.maximum(np.diag(inverse), 0.0))

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, fit, screened
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Shooting
+from gpsim.diagnosis.ladder import Law, Offers, laws_of
+from gpsim.diagnosis.settings import NOTHING_KNOWN, Settings
 from gpsim.diagnosis.setup import candidates
 from gpsim.effects import Gate
 from gpsim.recordings import Recording, read_recording
@@ -32,14 +34,13 @@ from gpsim.trials.rivals.fits import (
     without_noise,
 )
 from gpsim.trials.rivals.kept import claims_from, digests_of, kept_path, read_kept, rivals_from, write_kept
-from gpsim.trials.rivals.local_search import continued, replaced_near
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
 # constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.
-EQUIVALENTS_VERSION = 6
+EQUIVALENTS_VERSION = 7
 WINDOWS, FITTED = 60, 10
-PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
+PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by lines
 EXPANDED = 6  # equivalents that get rivals of their own
 
 
@@ -123,6 +124,7 @@ class _Judge:
 
     def __init__(self, fits: Fits) -> None:
         self._fits, self._problem, self._offers = fits, fits.problem, fits.offers
+        self._laws = laws_of(fits.problem.simulator, fits.offers, Settings().laws, NOTHING_KNOWN)
 
     def rivals(self, effects: Sequence[TrueEffect]) -> list[Rival]:
         """Every rival that was fitted."""
@@ -152,8 +154,12 @@ class _Judge:
         return self._judged(found, self._least(truth, fitted, found), size)
 
     def _near(self, at: Fit) -> list[Fit]:
-        found = replaced_near(self._problem, self._offers, at) + continued(self._problem, self._offers, at)
-        return [f for f in found if not any(_a_patch(t.family, t.on, t.gate) for t in f.hypothesis.terms)]
+        """One term after another replaced, from where the fit stands: its start states and all its other terms."""
+        out = []
+        for i, term in enumerate(at.hypothesis.terms):
+            parent = self._fits.fitted_near(at.hypothesis.without(i), at.starts)
+            out += self._replacements(parent, term.identity, term.gate)
+        return out
 
     def _judged(self, found: Sequence[Fit], least: float, size: int) -> list[Rival]:
         return [
@@ -185,25 +191,24 @@ class _Judge:
         own, best = misfit(fitted), min(found, key=misfit)
         if own - misfit(best) < LOST / self._fits.whole:
             return own
-        return min(own, misfit(fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)))
+        return min(own, misfit(self._fits.fitted_near(truth, best.starts)))
 
     def _replacements(self, parent: Fit, own: tuple[str, str] | None, gate: Gate) -> list[Fit]:
         """The parent with one more of what is not there yet, behind the gate of the effect that is gone, too."""
         taken = parent.hypothesis.claims | ({own} if own else frozenset())
-        offers = [c for c in self._offers if c.identity not in taken and not c.only_gated]
-        directions = Directions(self._problem, parent)
-        needed = PROMISING * 0.5 * float((directions.rest**2).sum())
-        out = []
-        for worth, candidate, start in screened(directions, offers)[:FITTED]:
-            term = candidate.term(start)
-            if worth > needed:
-                out.append(self._plus(parent, term, candidate))
-            if gate and candidate.gateable and not _a_patch(candidate.family, candidate.place.on, gate):
-                out.append(self._plus(parent, replace(term, gate=gate), candidate))
-        return out
+        absent = [law for law in self._laws if law.candidate.identity not in taken]
+        if gate:
+            absent = [replace(law, gate=gate) for law in absent if law.candidate.gateable and not self._patch(law, gate)]
+        found = sorted(Offers(Shooting(self._problem, self._fits.noise), parent).of(absent), key=lambda o: -o.gain)
+        needed = PROMISING * self._fits.misfit(parent)
+        return [self._plus(parent, o.law, o.values) for o in found[:FITTED] if o.gain > needed]
 
-    def _plus(self, parent: Fit, term: Any, candidate: Candidate) -> Fit:
-        return self._fits.fitted(parent.hypothesis.plus(term, candidate.declared))
+    def _patch(self, law: Law, gate: Gate) -> bool:
+        return _a_patch(law.candidate.family, law.candidate.place.on, gate)
+
+    def _plus(self, parent: Fit, law: Law, values: Sequence[float]) -> Fit:
+        hypothesis = parent.hypothesis.plus(law.term(values), law.candidate.declared)
+        return self._fits.fitted_near(hypothesis, parent.starts)
 
 
 def _a_patch(family: str, on: str, gate: Gate) -> bool:

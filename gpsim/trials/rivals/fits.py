@@ -16,7 +16,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import score
-from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Noise, Problem, fit
 from gpsim.diagnosis.setup import Question, candidates, prepare, spread_out
 from gpsim.effects import Gate, closed
 from gpsim.mjcf import in_its_columns, open_simulator
@@ -29,7 +29,7 @@ from gpsim.trials.worlds import TrueEffect, World, sound
 LOST = 3.0  # nats
 UNEXPLAINED = 0.2  # share of the misfit that the engine's error may leave of a truth
 NUMERICAL = 1000.0  # nats of it
-ITERATIONS, TOLERANCE = 25, 0.02  # of a truth whose rollouts are judged
+ROUNDS, TOLERANCE = 20, 0.02  # of a truth whose rollouts are judged
 Identity = tuple[str, str]
 Claims = tuple[Identity, ...]
 
@@ -67,7 +67,9 @@ class Fits:
     ) -> None:
         question = prepare(recording, simulator, simulator.defaults(recording.parameters))
         problem: Problem = question.everything
-        self.problem = problem.on(spread_out(problem.windows, windows, problem.run.settings.prepare.fewest))
+        self.problem = problem.on(spread_out(problem.windows, windows, problem.run.settings.windows.fewest))
+        ones = np.ones(len(problem.floor))
+        self.noise = Noise(problem.floor, ones, np.asarray(self.problem.root_weights, dtype=float))
         self.offers = offers or candidates(question.recording, problem.simulator, problem.parameters)
         self.count = max(float(self.problem.windows.valid[:, 1:].sum()), 1.0)
         self.whole = max(recording.transition_count / self.count, 1.0)
@@ -83,9 +85,13 @@ class Fits:
 
     def fitted(self, hypothesis: Hypothesis) -> Fit:
         """Of a hypothesis."""
-        starts: FloatArray = self.problem.windows.measured[:, 0]
-        iterations, tolerance = self._how
-        return fit(self.problem, hypothesis, starts, iterations=iterations, tolerance=tolerance)
+        rounds, tolerance = self._how
+        return fit(self.problem, hypothesis, None, rounds, self.noise, tolerance)
+
+    def fitted_near(self, hypothesis: Hypothesis, starts: FloatArray) -> Fit:
+        """Of a hypothesis, from start states (W, S)."""
+        rounds, tolerance = self._how
+        return fit(self.problem, hypothesis, starts, rounds, self.noise, tolerance)
 
     def misfit(self, found: Fit) -> float:
         """Half the sum of squares in standard deviations of the noise."""
@@ -196,8 +202,7 @@ def rollouts_over_truth(
     offers = candidates(question.recording, problem.simulator, problem.parameters)
     if not {(e.family, e.on) for e in (*truth, *said)} <= {c.identity for c in offers}:
         return {}
-    starts = problem.windows.measured[:, 0]
-    found = fit(problem, as_hypothesis(truth, offers), starts, iterations=ITERATIONS, tolerance=TOLERANCE)
+    found = fit(problem, as_hypothesis(truth, offers), rounds=ROUNDS, tolerance=TOLERANCE)
     judged = replace(recording, episodes=held, held_out=None)
     own, other = (
         score(judged, _plant(question, h, recording.dt), None, np.random.default_rng(0)).rollout

@@ -13,7 +13,7 @@ import pandas as pd
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis import LeftOpen, left_open_from
-from gpsim.diagnosis.fitting import fit, scores
+from gpsim.diagnosis.fitting import fit
 from gpsim.diagnosis.setup import prepare
 from gpsim.files import read_object
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording
@@ -27,7 +27,7 @@ PARTS = tuple(
 )  # of a second recording, after which the odds may be asked for
 DECIDED = math.log(10.0)  # nats
 SLOWEST, FASTEST, HELD = 0.1, 5.0, 0.2  # Hz of a chirp; s of a level of a binary sequence
-ITERATIONS = 20
+ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,8 @@ def _nats(first: Recording, new: Episode, open_still: LeftOpen, right: BoolArray
     both = replace(first, episodes=(*first.episodes, new), held_out=HeldOut(share=0.0))
     simulator = make_simulator(first.system)
     problem = prepare(both, simulator, simulator.defaults(first.parameters)).everything
-    starts = problem.windows.measured[:, 0]
-    fits = [fit(problem, e.hypothesis, starts, iterations=ITERATIONS) for e in open_still.explanations]
-    nats = scores(problem, fits)
+    fits = [fit(problem, e.hypothesis, rounds=ROUNDS) for e in open_still.explanations]
+    noise = min(fits, key=lambda f: float((f.residuals**2 / problem.floor**2).sum())).noise
+    fits = [fit(problem, f.hypothesis, f.starts, ROUNDS, noise) for f in fits]
+    nats = np.array([-f.cost - 0.5 * len(f.z) * math.log(noise.effective) for f in fits])
     return float(nats[right].max() - nats[~right].max())

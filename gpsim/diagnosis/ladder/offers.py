@@ -1,0 +1,160 @@
+"""Offers: what an absent law would gain, by lines around a fit, all other laws and start states following.
+
+A law that has a slope where it does nothing is a column; one that jumps is tried at several starts. Lines foretell gains
+well near a fit and mislead far from one, so that an offer orders what is fitted and decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Shooting, Slopes, coordinates, step_sizes
+from gpsim.diagnosis.ladder.laws import Law
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A law, the nats that it promises, and the values of its parameters that it promises them with."""
+
+    gain: float
+    law: Law
+    values: tuple[float, ...]
+
+
+class Offers:
+    """Absent laws around a fit. What each changes in the residual is simulated once, whatever is asked of it."""
+
+    def __init__(self, shooting: Shooting, fit: Fit) -> None:
+        self._shooting, self._fit = shooting, fit
+        self.slopes = shooting.slopes(fit)
+        self._changes: dict[tuple[str, str, str], FloatArray] = {}
+
+    def of(self, laws: Sequence[Law]) -> list[Offer]:
+        """What each promises from its best start, beside all that stands."""
+        return self._promised(laws, self.slopes.r, Lines(self.slopes, self._fit))
+
+    def in_place(self, laws: Sequence[Law], gone: slice, part: Fit) -> list[Offer]:
+        """The same in the place of a law, whose rows in z are gone in a `part` of the account."""
+        r = (part.residuals * self._shooting.noise.whitening).reshape(self.slopes.r.shape)
+        kept = np.delete(np.arange(self.slopes.by_theta.shape[2]), gone)
+        slopes = Slopes(r, self.slopes.by_theta[:, :, kept], self.slopes.by_start)
+        return self._promised(laws, r, Lines(slopes, part))
+
+    def _promised(self, laws: Sequence[Law], r: FloatArray, lines: Lines) -> list[Offer]:
+        return [self._smooth(law, lines) if law.has_slope else self._jumping(law, r, lines) for law in laws]
+
+    def _changed(self, law: Law) -> FloatArray:
+        """(W, M, K) what a law changes in the whitened residual: its slope, or at each of its starts."""
+        if law.key not in self._changes:
+            found = column(self._shooting, self._fit, law) if law.has_slope else self._started(law)
+            self._changes[law.key] = found
+        return self._changes[law.key]
+
+    def _started(self, law: Law) -> FloatArray:
+        hypotheses = [self._fit.hypothesis.plus(law.term(v), law.candidate.declared) for v in law.starts]
+        thetas = np.stack([h.theta for h in hypotheses])
+        copies = np.tile(self._fit.starts, (len(thetas), 1, 1))
+        left = self._shooting.residuals(hypotheses[0], thetas, copies) * self._shooting.noise.whitening
+        left = np.nan_to_num(left, nan=RAN_AWAY).reshape(len(thetas), *self.slopes.r.shape)
+        return np.moveaxis(left - self.slopes.r, 0, 2)
+
+    def _smooth(self, law: Law, lines: Lines) -> Offer:
+        own = coordinates(law.candidate.declared)
+        z, first = at_nothing(law)
+        gain, size = lines.along(self._changed(law)[:, :, 0])
+        if not own.low[first] <= size <= own.high[first]:
+            gain = 0.0
+        z[first] = np.clip(size, own.low[first], own.high[first])
+        return Offer(gain, law, tuple(own.natural(z).tolist()))
+
+    def _jumping(self, law: Law, r: FloatArray, lines: Lines) -> Offer:
+        changes = self._changed(law)
+        gains = [lines.gain(r + changes[:, :, k]) for k in range(changes.shape[2])]
+        best = int(np.argmax(gains))
+        return Offer(gains[best], law, tuple(law.starts[best]))
+
+
+RAN_AWAY = 1e6  # standard deviations: a simulation that is no number
+
+
+def at_nothing(law: Law) -> tuple[FloatArray, int]:
+    """(P,) the coordinates of an absent law where it does nothing, and which of them is its size."""
+    declared = law.candidate.declared
+    z = np.where([p.place for p in declared], coordinates(declared).centre, 0.0)
+    return z, next((i for i, p in enumerate(declared) if not p.place), 0)
+
+
+def nudged(law: Law) -> tuple[float, list[float]]:
+    """How far an absent law with a slope is moved from nothing, and its values there."""
+    declared = law.candidate.declared
+    own = coordinates(declared)
+    z, first = at_nothing(law)
+    alone = Hypothesis().plus(law.term([p.starts[0] for p in declared]), declared)
+    step = float(step_sizes(alone, own)[first])
+    step = -step if z[first] + step > own.high[first] else step
+    z[first] += step
+    return step, own.natural(z).tolist()
+
+
+def column(shooting: Shooting, fit: Fit, law: Law) -> FloatArray:
+    """(W, M, 1) the whitened slope of what an absent law takes off the residual, at nothing."""
+    step, values = nudged(law)
+    hypothesis = fit.hypothesis.plus(law.term(values), law.candidate.declared)
+    moved = shooting.residuals(hypothesis, hypothesis.theta[None], fit.starts[None])[0]
+    white = (fit.residuals - moved) * shooting.noise.whitening / step
+    return np.nan_to_num(white).reshape(len(fit.starts), -1, 1)
+
+
+class Lines:
+    """What an absent law gains by lines: start states, and the account's parameters within their bounds, follow."""
+
+    def __init__(self, slopes: Slopes, point: Fit) -> None:
+        own, self.slopes = coordinates(point.hypothesis.parameters), slopes
+        size = slopes.by_theta.shape[2]
+        self._j = slopes.off_starts(slopes.by_theta).reshape(-1, size)
+        held = np.diag(1.0 / own.prior**2)
+        self._pull = held @ (point.z - own.centre)
+        self._h = self._j.T @ self._j + held
+        self._inverse = np.linalg.pinv(self._h, rcond=1e-12, hermitian=True) if size else self._h
+        self._own, self._z = own, point.z
+        self._base = self._cost(slopes.r)
+
+    def _cost(self, r: FloatArray) -> float:
+        left = self.slopes.off_starts(r[:, :, None])[:, :, 0].ravel()
+        b = self._j.T @ left - self._pull
+        d = self._inverse @ b
+        if len(d):
+            d = np.clip(self._z + d, self._own.low, self._own.high) - self._z
+        return float(0.5 * left @ left - d @ b + 0.5 * d @ self._h @ d)
+
+    def gain(self, r: FloatArray) -> float:
+        """Nats, of the whitened residual (W, M) with the law."""
+        return self._base - self._cost(r)
+
+    def along(self, column: FloatArray) -> tuple[float, float]:
+        """Nats and the size, of a law whose slope is a column (W, M)."""
+        c = self.slopes.off_starts(column[:, :, None])[:, :, 0].ravel()
+        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
+        cj = self._j.T @ c
+        size = float(c @ c - cj @ self._inverse @ cj)
+        pull = float(c @ r - cj @ self._inverse @ (self._j.T @ r))
+        return (0.5 * pull**2 / size, pull / size) if size > 1e-9 * float(c @ c) else (0.0, 0.0)
+
+    def heights(
+        self, columns: FloatArray, penalty: FloatArray
+    ) -> tuple[float, FloatArray, float, FloatArray]:
+        """Of a curve whose heights have columns (W, M, K): nats, the heights, effective parameters, deviations (K,)."""
+        c = self.slopes.off_starts(columns).reshape(-1, columns.shape[2])
+        r = self.slopes.off_starts(self.slopes.r[:, :, None])[:, :, 0].ravel()
+        cj = c.T @ self._j
+        own = c.T @ c - cj @ self._inverse @ cj.T
+        pull = c.T @ r - cj @ self._inverse @ (self._j.T @ r)
+        inverse = np.linalg.inv(own + penalty + 1e-12 * np.trace(own) * np.eye(len(own)))
+        heights = inverse @ pull
+        gain = float(heights @ pull - 0.5 * heights @ (own + penalty) @ heights)
+        freedom = float(np.trace(inverse @ own))
+        return gain, heights, freedom, np.sqrt(np.maximum(np.diag(inverse), 0.0))
