@@ -90,7 +90,7 @@ def _answer(
     question, judgement, curves = climbed.question, climbed.judgement, climbed.curves
     settings = question.run.settings
     step("attribute", 80, "how much of the mismatch each effect is")
-    attribution = attribute(question, judgement.leader, judgement.null, judgement.without)
+    attribution = attribute(question, judgement.leader, judgement.null, judgement.without, judgement.gains)
     step("rung 4", 88, "comparing on held-out data")
     comparison = compare(question, judgement, attribution, offers, rng)
     if judgement.leader.hypothesis.terms and not beats_the_base(attribution, comparison.one_step.values()):
@@ -98,7 +98,7 @@ def _answer(
             judgement.leader.hypothesis.names, (), False, "worse than the base on held-out data"
         )
         judgement, curves = _withheld(question, judgement), {}
-        attribution = attribute(question, judgement.leader, judgement.null, ())
+        attribution = attribute(question, judgement.leader, judgement.null, (), ())
         comparison = compare(question, judgement, attribution, offers, rng)
     sizes = estimates(question, judgement.leader, 1.0 - attribution.share.share)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))

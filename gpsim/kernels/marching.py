@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.effects import Chain
 from gpsim.kernels import codes
 from gpsim.kernels.program import Program
 from gpsim.simulators import Memory
@@ -39,7 +40,7 @@ class Commands:
 
 @dataclass(frozen=True)
 class Actuators:
-    """Actuators' table, what they remember (U, .), and whether their clock is uneven."""
+    """Actuators' table, what they remember (U, .), or (1, .) all rows alike, and whether their clock is uneven."""
 
     table: IntArray
     memories: FloatArray
@@ -99,11 +100,16 @@ def actuators_of(program: Program, memory: Memory, rows: int, *, even: bool) -> 
             parts += [memory[f"{i}/past"], memory[f"{i}/length"], memory[f"{i}/head"][:, None]]
             uneven.append(bool(memory[f"{i}/uneven"].any()))
         at = sum(part.shape[1] for part in parts)
-    # On an uneven clock a command that lasted no time may still move what has play in it: NumPy's ways are its own.
-    mixed = not even and bool(uneven) and codes.BACKLASH in table[:, codes.LAW]
-    if mixed or any(flag == even for flag in uneven):
+    if any(flag == even for flag in uneven):
         return None
     return Actuators(table, _own(np.concatenate(parts, axis=1)), not even)
+
+
+def at_rest(program: Program, chain: Chain, step: float, *, even: bool) -> Actuators | None:
+    """The same of actuators at rest on a grid of `step` s, the memory of one row for all, as `travelled` takes it."""
+    memory = chain.actuation.rest(1, step)
+    memory |= {key: np.full(1, float(not even)) for key in memory if key.endswith("/uneven")}
+    return actuators_of(program, memory, 1, even=even)
 
 
 def travelled(
@@ -113,22 +119,28 @@ def travelled(
     clock: FloatArray,
     window: IntArray,
     given: FloatArray,
-    before: FloatArray,
+    before: FloatArray | None,
     actuators: Actuators,
     threads: int = 1,
+    led: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """(U, K + L n, A) what reaches the simulator, `before` (U, K, A) the windows and in them.
+    """(U, K + L n, A) what reaches the simulator, `before` (U, K, A) the windows, where that is known, and in them.
 
-    given: (W, L, A) the windows' commands, of each row's `window` (U,); the actuators' memories move on.
+    given: (W, L, A) the windows' commands, of each row's `window` (U,); led: clock (W, M + 1) s and commands (W, M, A)
+    of whole control steps that lead up to them, on an even clock. The actuators are as the first of all these finds
+    them.
     """
     from gpsim.kernels.passing import travel  # which imports numba
 
-    (rows, past), length = before.shape[:2], given.shape[1]
-    out = np.empty((rows, past + length * n, given.shape[2]))
-    out[:, :past] = before
+    rows, (length, actions) = len(window), given.shape[1:]
+    past = 0 if before is None else before.shape[1]
+    out = np.empty((rows, past + length * n, actions))
+    out[:, :past] = 0.0 if before is None else before
     layout = _layout(program, n, finely=True, uneven=actuators.uneven)
-    tables = (layout, actuators.table, program.conditions, program.knots, _own(values), _own(clock), window)
-    arguments = (*tables, _own(given), actuators.memories, out)
+    earlier, told = led or (np.empty((len(clock), 1)), np.empty((len(clock), 0, actions)))
+    tables = (layout, actuators.table, program.conditions, program.knots, _own(values))
+    told_of = (_own(earlier), _own(told), _own(clock), window, _own(given))
+    arguments = (*tables, *told_of, actuators.memories, out)
     _shared(travel, arguments, rows, rows * length * n, threads)
     return out
 
@@ -209,10 +221,10 @@ def _shared(
 ) -> None:
     """Rows 0 to `rows` by as many threads as are worth their start."""
     parts = max(min(threads, work // WORTH_A_THREAD), 1)
-    edges = np.linspace(0, rows, parts + 1).astype(int)
     if parts == 1:
         function(*arguments, 0, rows)
         return
+    edges = np.linspace(0, rows, parts + 1).astype(int)
     with ThreadPoolExecutor(parts - 1) as pool:
         begun = [pool.submit(function, *arguments, a, b) for a, b in pairwise(edges[1:])]
         function(*arguments, 0, edges[1])
@@ -222,4 +234,6 @@ def _shared(
 
 def _own(array: FloatArray) -> FloatArray:
     """As compiled code takes it: in C's order, and free to be written to, though it does not."""
+    if array.dtype == np.float64 and array.flags.carray:
+        return array
     return np.require(array, dtype=np.float64, requirements=["C", "W"])

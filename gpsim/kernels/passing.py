@@ -1,25 +1,24 @@
-"""Commands of one row through the actuators on one way, law by law, where nothing depends on the state.
+"""Commands of one row through its actuators, law by law, where nothing depends on the state.
 
 It gives what `gpsim.kernels.acting` gives a substep at a time, but each law takes the commands of all substeps at once:
-which law it is, where its memory lies and what is constant are found once.
+which law it is, where its memory lies and what is constant are found once. A substep is one piece, until a delay cuts
+it into those of the commands that it meets: (3, .) values, lengths [s], and when they begin [s].
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.acting import act, late_by, passed
+from gpsim.kernels.acting import late_by, passed
 from gpsim.kernels.codes import (
-    BIAS,
-    DEAD_ZONE,
     DELAY,
     DEPTH,
     FINE,
-    FOLLOWED,
-    GAIN,
     GATE,
     GATE_END,
     LAG,
@@ -34,112 +33,201 @@ from gpsim.kernels.codes import (
 from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
 from gpsim.kernels.gates import share_of
 from gpsim.kernels.scalars import blended, larger
+from gpsim.kernels.tables import ACTUATORS
+
+NEAR = 1e-3  # exponents that differ by no more: four terms of a series lead from one to the other
+SIXTH = 1.0 / 6.0
 
 
-@compiled
-def move(
-    layout: IntArray,
-    actuators: IntArray,
-    n: int,
-    conditions: IntArray,
-    knots: FloatArray,
-    v: FloatArray,
-    memory: FloatArray,
-    t: FloatArray,
-    h: FloatArray,
-    before: FloatArray,
-    s: FloatArray,
-) -> None:
-    """Change the commands s (M,), one a substep of h [s] that begins at t [s] each, to what actuator n makes of them.
+def _changed() -> Callable[..., None]:
+    """A function of (law, pieces, how many, v, where its values begin, memory, its place there): they change.
 
-    memory of the row moves on; before: (depth + M,) room for what was commanded.
+    Each law has a loop, in which it is a constant: what `passed` does of others is left out there.
     """
-    law, at, place, count = actuators[n, LAW], actuators[n, VALUE], actuators[n, MEMORY], len(s)
-    gated = actuators[n, GATE] < actuators[n, GATE_END]
-    # A delay has what it remembers before what is commanded now.
-    depth = actuators[n, DEPTH] if law == DELAY else 0
-    if gated or law == DELAY:
-        for m in range(count):
-            before[depth + m] = s[m]
-    first, lane = v[at, 0], int(np.int64(0))
-    if law == DELAY:
-        wait(first, v[at + 1, 0], memory, place, depth, t, h, before, s)
-    elif law == GAIN:
-        for m in range(count):
-            s[m] *= first
-    elif law == BIAS:
-        for m in range(count):
-            s[m] += first
-    elif law == DEAD_ZONE:
-        for m in range(count):
-            s[m] = 0.0 if abs(s[m]) < first else s[m]
-    elif law == LAG:
-        follow(first, memory, place, h, s)
-    else:
-        for m in range(count):
-            s[m] = passed(law, at, v, lane, memory, place, s[m], t[m], h[m])
-    if gated:
-        looking, path = (1.0 if layout[SCHEME] == FINE else 0.0), np.zeros((2, 6))
-        for m in range(count):
-            acts = share_of(
-                actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, lane, path, t[m], looking * h[m]
-            )  # fmt: skip
-            s[m] = blended(acts, s[m], before[depth + m])
+    lines = ["def changed(law, pieces, count, v, at, memory, place):"]
+    lines += ["    s, h, t, lane = pieces[0], pieces[1], pieces[2], int(zero)"]
+    for law in sorted({number for number, _ in ACTUATORS.values()} - {DELAY, LAG}):
+        lines += [f"    if law == {law}:", "        for i in range(count):"]
+        lines += [f"            s[i] = passed({law}, at, v, lane, memory, place, s[i], t[i], h[i])"]
+    rooms: dict[str, Any] = {"passed": passed, "zero": np.int64(0)}
+    exec(compile("\n".join([*lines, "    return"]), "<changed>", "exec"), rooms)
+    return compiled(rooms["changed"])  # type: ignore[no-any-return]
+
+
+changed = _changed()
 
 
 @compiled
-def follow(constant: float, memory: FloatArray, place: int, h: FloatArray, s: FloatArray) -> None:
-    """A lag of a time constant [s]; each command becomes its mean over its substep."""
-    level, last, kept, mean = memory[place], np.nan, 0.0, 0.0
-    for m in range(len(s)):
-        if h[m] != last:
-            last = h[m]
-            ratio = larger(last, 1e-12) / larger(constant, 1e-9)
-            kept, mean = math.exp(-ratio), -math.expm1(-ratio) / ratio
-        u = s[m]
-        behind = level - u
-        level = behind * kept + u
-        s[m] = u + behind * mean
+def follow(constant: float, pieces: FloatArray, count: int, memory: FloatArray, place: int) -> None:
+    """Change so many pieces to what follows them with a lag of a time constant [s].
+
+    Most are as long as the last but one, but for rounding: an exponential is found anew only where one is not.
+    """
+    s, level, per = pieces[0], memory[place], 1.0 / larger(constant, 1e-9)
+    known, lost, near, other, others, nears = np.nan, 0.0, 0.0, np.nan, 0.0, 0.0
+    for i in range(count):
+        ratio = larger(pieces[1, i], 1e-12) * per
+        if not abs(ratio - known) <= near:
+            known, lost, near = ratio, -math.expm1(-ratio), min(0.1 * ratio, NEAR)
+        off = ratio - known
+        gone = lost + (1.0 - lost) * off * (1.0 - off * (0.5 - off * (SIXTH - 0.25 * SIXTH * off)))
+        u = s[i]
+        s[i] = u + (level - u) * (gone / ratio)
+        level = level * (1.0 - gone) + u * gone
+        known, lost, near, other, others, nears = other, others, nears, known, lost, near
     memory[place] = level
 
 
 @compiled
 def wait(
-    delay: float,
-    drift: float,
-    memory: FloatArray,
-    at: int,
-    depth: int,
-    t: FloatArray,
-    h: FloatArray,
-    heard: FloatArray,
-    s: FloatArray,
-) -> None:
-    """A delay [s], or a drift [ppm], on an even clock; each command becomes the mean of the two that its substep meets.
+    delay: float, drift: float, depth: int, steps: FloatArray, heard: FloatArray, pieces: FloatArray, of: IntArray
+) -> int:  # fmt: skip
+    """Cut substeps, on an even clock, into two pieces each of the commands heard; how many there are."""
+    for m in range(steps.shape[1]):
+        t, h = steps[0, m], steps[1, m]
+        back = late_by(delay, drift, t, h) / h
+        back = min(back if back > 0.0 else 0.0, depth - 1.0)
+        whole, i = int(back), 2 * m
+        length = (back - whole) * h
+        pieces[0, i], pieces[1, i], pieces[2, i] = heard[depth + m - whole - 1], length, t
+        i += 1
+        pieces[0, i], pieces[1, i], pieces[2, i] = heard[depth + m - whole], h - length, t + length
+        of[i - 1] = of[i] = m
+    return len(steps[0]) * 2
 
-    memory: a ring of `depth` commands and where the oldest lies; heard: (depth + M,) those and the ones since.
+
+@compiled
+def meet(
+    delay: float, drift: float, depth: int, steps: FloatArray, heard: FloatArray, ends: FloatArray,
+    pieces: FloatArray, of: IntArray,
+) -> int:  # fmt: skip
+    """The same on an uneven clock, where there may be more or fewer.
+
+    ends: of the commands heard [s], the oldest of which began at 0: it is all that is known of what was before.
     """
-    head, count = int(memory[at + 2 * depth]), len(s)
-    for i in range(depth):
-        heard[i] = memory[at + (head + i) % depth]
+    used, first, count = 0, 0, steps.shape[1]
     for m in range(count):
-        back = min(late_by(delay, drift, t[m], h[m]) / h[m], depth - 1.0)
-        whole = int(back)
-        newer, older = heard[depth + m - whole], heard[depth + m - whole - 1]
-        s[m] = newer + (back - whole) * (older - newer)
-    head = (head + count) % depth
-    for i in range(depth):
-        memory[at + (head + i) % depth] = heard[count + i]
-    memory[at + 2 * depth] = head
+        own, begun, whole, now = depth + m, used, 0.0, steps[0, m]
+        high = ends[own] - late_by(delay, drift, now, steps[1, m])
+        low = high - steps[1, m]
+        high, low = (high if high > 0.0 else 0.0), (low if low > 0.0 else 0.0)
+        while first < own and ends[first] <= low:
+            first += 1
+        while first > 0 and ends[first - 1] > low:  # of a clock that drifts
+            first -= 1
+        i, begin = first, ends[first - 1] if first > 0 else 0.0
+        while i <= own and begin < high and used < len(of) - count + m:
+            inside = min(ends[i], high) - max(begin, low)
+            if inside > 0.0:
+                pieces[0, used], pieces[1, used] = heard[i], inside
+                whole += inside
+                used += 1
+            begin = ends[i]
+            i += 1
+        if used == begun:  # a substep of no length meets the last one that had begun
+            pieces[0, used], pieces[1, used], whole = heard[first], 1.0, 1.0
+            used += 1
+        for i in range(begun, used):
+            pieces[1, i] *= steps[1, m] / whole
+            pieces[2, i], of[i] = now, m
+            now += pieces[1, i]
+    return used
 
 
-@entry(f"void({I1}, {I2}, {I2}, {F1}, {F2}, {F2}, {I1}, {F3}, {F2}, {F3}, int64, int64)")
+@compiled
+def late(
+    uneven: int, times: int, depth: int, v: FloatArray, at: int, memory: FloatArray, place: int,
+    steps: FloatArray, heard: FloatArray, pieces: FloatArray, of: IntArray,
+) -> int:  # fmt: skip
+    """Cut commands, one a substep, into the pieces of a delay; how many there are.
+
+    memory: of a ring each of whose `depth` commands lasted so many times a substep, which moves on where that is once.
+    """
+    count, deep, i = steps.shape[1], depth * times, int(memory[place + 2 * depth])
+    line, ends, end = heard[0], heard[1], 0.0
+    for k in range(depth):
+        for j in range(times):
+            line[k * times + j] = memory[place + i]
+        if uneven:
+            end += memory[place + depth + i]
+            ends[k] = end
+        i = i + 1 if i + 1 < depth else 0
+    line[deep : deep + count] = pieces[0, :count]
+    if uneven:
+        for m in range(count):
+            end += steps[1, m]
+            ends[deep + m] = end
+        return meet(v[at, 0], v[at + 1, 0], deep, steps, line, ends, pieces, of)
+    if times == 1:
+        memory[place : place + depth], memory[place + 2 * depth] = line[count : count + depth], 0.0
+    return wait(v[at, 0], v[at + 1, 0], deep, steps, line, pieces, of)
+
+
+@compiled
+def pass_on(
+    layout: IntArray, actuators: IntArray, conditions: IntArray, knots: FloatArray, v: FloatArray,
+    memory: FloatArray, clock: FloatArray, given: FloatArray, n: int, times: int, out: FloatArray,
+    room: FloatArray, of: IntArray,
+) -> None:  # fmt: skip
+    """Fill out (L n, A), unless it has no rows, with what becomes of commands given (L, A); memory moves on.
+
+    clock: (L + 1,) s; n: substeps of each; times: so many of them a command lasted that a delay has in its memory.
+    """
+    count = len(given) * n
+    lane = int(np.int64(0))  # a literal 0 would have what it is given to compiled once more
+    steps, heard, pieces, was = np.empty((2, count)), room[:2], room[2:5], room[5]
+    for k in range(len(given)):
+        step = (clock[k + 1] - clock[k]) / n
+        for j in range(n):
+            steps[0, k * n + j], steps[1, k * n + j] = clock[k] + j * step, step
+    for x in range(given.shape[1]):
+        for k in range(len(given)):
+            for m in range(k * n, k * n + n):
+                pieces[0, m] = given[k, x]
+        for m in range(count):
+            pieces[1, m], pieces[2, m], of[m] = steps[1, m], steps[0, m], m
+        used = count
+        for line in range(len(actuators)):
+            if actuators[line, ON] != x:
+                continue
+            law, at, place = actuators[line, LAW], actuators[line, VALUE], actuators[line, MEMORY]
+            first, end = actuators[line, GATE], actuators[line, GATE_END]
+            if first < end:
+                was[:used] = pieces[0, :used]
+            if law == DELAY:
+                depth = actuators[line, DEPTH]
+                used = late(layout[UNEVEN], times, depth, v, at, memory, place, steps, heard, pieces, of)
+            elif law == LAG:
+                follow(v[at, 0], pieces, used, memory, place)
+            else:
+                changed(law, pieces, used, v, at, memory, place)
+            if first < end:
+                path, looking = np.zeros((2, 6)), (1.0 if layout[SCHEME] == FINE else 0.0)
+                for i in range(used):  # of what a delay does, the share of the substep counts
+                    m = of[i] if law == DELAY else i
+                    t, h = (steps[0, m], steps[1, m]) if law == DELAY else (pieces[2, i], pieces[1, i])
+                    acts = share_of(first, end, conditions, knots, v, lane, path, t, looking * h)
+                    pieces[0, i] = blended(acts, pieces[0, i], was[m])
+        if used == count:
+            for m in range(len(out)):
+                out[m, x] = pieces[0, m]
+        elif len(out):
+            out[:, x] = 0.0
+            for i in range(used):
+                out[of[i], x] += pieces[0, i] * pieces[1, i]
+            for m in range(count):
+                out[m, x] /= steps[1, m]
+
+
+@entry(f"void({I1}, {I2}, {I2}, {F1}, {F2}, {F2}, {F3}, {F2}, {I1}, {F3}, {F2}, {F3}, int64, int64)")
 def travel(
     layout: IntArray,
     actuators: IntArray,
     conditions: IntArray,
     knots: FloatArray,
     values: FloatArray,
+    earlier: FloatArray,
+    led: FloatArray,
     clock: FloatArray,
     window: IntArray,
     given: FloatArray,
@@ -150,47 +238,20 @@ def travel(
 ) -> None:
     """Fill out (U, K, A), the last L n of K, with what reaches the simulator in the windows, whatever its state.
 
-    values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); memories:
-    (U, .) at the windows' start, which move on.
+    values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); earlier:
+    (W, M + 1) s and led: (W, M, A), those of whole control steps before; memories: (U, .) at their start, or (1, .).
     """
-    n, length, actions = layout[SUBSTEPS], given.shape[1], given.shape[2]
-    count, ways = length * n, len(actuators)
-    path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    v, s, room = np.empty((values.shape[1], 1)), np.empty(count), np.empty(memories.shape[1] + count)
-    t, h = np.empty(count), np.empty(count)
-    before, lane = (
-        out.shape[1] - count,
-        int(np.int64(0)),
-    )  # a literal 0 would have all it is given to compiled once more
+    n, width = layout[SUBSTEPS], memories.shape[1]
+    count, times = given.shape[1] * n, n if led.shape[1] else 1
+    before = out.shape[1] - count
+    most = max(count, led.shape[1]) + n * width  # twice what a delay remembers at least, and what comes
+    room, of, v = np.empty((6, 3 * most)), np.empty(3 * most, dtype=np.int64), np.empty((values.shape[1], 1))
+    memory, nothing = np.empty(width), np.empty((0, given.shape[2]))
     for row in range(first, last):
-        w, memory = window[row], memories[row]
+        w = window[row]
         v[:, 0] = values[row]
-        for k in range(length):
-            step = (clock[w, k + 1] - clock[w, k]) / n
-            for j in range(n):
-                t[k * n + j], h[k * n + j] = clock[w, k] + j * step, step
-        for x in range(actions):
-            for k in range(length):
-                for j in range(n):
-                    s[k * n + j] = given[w, k, x]
-            begin = 0
-            while begin < ways and actuators[begin, ON] != x:
-                begin += 1
-            end, pieced = begin, False
-            while end < ways and actuators[end, ON] == x:
-                late = actuators[end, LAW] == DELAY
-                pieced = pieced or (late and (actuators[end, FOLLOWED] or layout[UNEVEN]))
-                end += 1
-            if pieced:  # what follows meets several commands within a substep
-                way = actuators[begin:end]
-                for m in range(count):
-                    u[x] = s[m]
-                    act(
-                        layout, way, conditions, knots, v, lane, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
-                    )  # fmt: skip
-                    s[m] = u[x]
-            else:
-                for line in range(begin, end):
-                    move(layout, actuators, line, conditions, knots, v, memory, t, h, room, s)
-            for m in range(count):
-                out[row, before + m, x] = s[m]
+        memory[:] = memories[row if len(memories) > 1 else 0]
+        tables = (layout, actuators, conditions, knots, v, memory)
+        if led.shape[1]:
+            pass_on(*tables, earlier[w], led[w], 1, 1, nothing, room, of)
+        pass_on(*tables, clock[w], given[w], n, times, out[row, before:], room, of)

@@ -98,6 +98,14 @@ class Program:
 
 def program_of(chain: Chain) -> Program | None:
     """The tables of a chain; None where something in it has no compiled form."""
+    kept = vars(chain)  # beside its cached properties: it is asked for once a batch
+    if "program" not in kept:
+        kept["program"] = _written(chain)
+    found: Program | None = kept["program"]
+    return found
+
+
+def _written(chain: Chain) -> Program | None:
     inner = whole(unwrapped(chain.simulator))
     system = tables.SYSTEMS.get(type(inner.simulator))
     if system is None or len(inner.held) > 1 or chain.scheme not in SCHEMES or not chain.sensors.late_first:

@@ -37,7 +37,18 @@ from gpsim.diagnosis.form.laws import (
     HatGate,
 )
 from gpsim.diagnosis.run import Run, Workers
-from gpsim.effects import FAMILIES, Chain, Effect, Gate, ModelEffect, Place, Shape, Term, declared
+from gpsim.effects import (
+    FAMILIES,
+    ActuatorEffect,
+    Chain,
+    Effect,
+    Gate,
+    ModelEffect,
+    Place,
+    Shape,
+    Term,
+    declared,
+)
 from gpsim.kernels import marching, program_of, tables
 from gpsim.simulators import SIMULATORS, Slider, make_simulator, reduced, wrapping
 
@@ -69,6 +80,46 @@ def test_actuators_one_after_another_behind_every_gate(name: str, even: bool) ->
                 wanted.append(("actuator_delay", on, "", Gate()))
             what = drawn(simulator, wanted, SCHEMES[i % 4] if i % 3 else "fine", rng)
             the_same(simulator, windows, what, 1 + i % 3)
+
+
+@pytest.mark.parametrize("seen", ["at once", "late", "gated"])
+@pytest.mark.parametrize("even", [True, False])
+@pytest.mark.parametrize("late", ["actuator_delay", "clock_drift"])
+def test_all_actuators_on_one_way(late: str, even: bool, seen: str) -> None:
+    """Behind a delay each gets several pieces of a substep; whole control steps lead up to windows, unless sensors
+    look at what was before them, or a gate at when it is."""
+    rng, simulator = np.random.default_rng(7), make_simulator("unicycle")
+    windows = windows_of(simulator, rng, even=even)
+    rest = [f for f, e in FAMILIES.items() if isinstance(e, ActuatorEffect)]
+    rest = [f for f in rest if f not in ("actuator_delay", "clock_drift", "battery_sag")]
+    held = [f for f in rest if f != "actuator_rate_limit"]  # up to the last one, whole control steps do
+    for families in ([late, *rest], [late, *held], [*rest, "battery_sag"], [late]):
+        wanted = [(family, on, "", Gate()) for family in families for on in simulator.action.names]
+        if seen == "late":
+            wanted.append(("sensor_delay", "x", "", Gate()))
+        if seen == "gated":
+            wanted[-1] = (*wanted[-1][:3], Gate(since=2.65))
+        if FAMILIES[families[-1]].gated or seen != "gated":
+            the_same(simulator, windows, drawn(simulator, wanted, "fine", rng), 2)
+
+
+def test_commands_of_a_row_do_not_depend_on_other_rows() -> None:
+    """A delay cuts substeps into as many pieces as the row needs that needs most: others have none of later commands,
+    which would move what has play in it."""
+    rng, simulator = np.random.default_rng(0), make_simulator("slider")
+    values = {"actuator_delay": {"delay": 0.03}, "actuator_backlash": {"half_width": 0.2}}
+    terms = tuple(Term(family, "force", one) for family, one in values.items())
+    chain = Chain(simulator, simulator.defaults(), terms, "fine", DT)
+    step = np.stack([np.tile([0.025, 0.02], 30), 0.02 * rng.uniform(0.05, 2.0, 60)])
+    given, t = rng.normal(size=(2, 60, 1)), np.cumsum(step, axis=1) - step
+    said = []
+    for rows in (slice(1), slice(2)):
+        count = len(step[rows])
+        each = [{name: np.full(count, value) for name, value in one.items()} for one in values.values()]
+        memory = chain.actuation.rest(count, DT)
+        states = np.empty((count, 61, 0))
+        said.append(chain.commands(given[rows], states, each, memory, step[rows], t[rows])[0])
+    np.testing.assert_array_equal(*said)
 
 
 @pytest.mark.parametrize("name", SIMULATORS)

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.effects import IN_EPISODE, Chain, Values, own_values
-from gpsim.kernels import Commands, Program, actuators_of, travelled
+from gpsim.kernels import Commands, Program, actuators_of, at_rest, travelled
 from gpsim.simulators import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -111,20 +111,27 @@ def commands(
     if not chain.actuation:
         every = np.concatenate([windows.before_actions, windows.actions], axis=1)
         return Commands(every, rows, windows.before_actions.shape[1], finely=False)
-    n, which = setting.n, _which(setting, len(windows))
-    acted, memory, before = _acted(chain, windows, spread, thetas, setting, inside=False)
-    at = actuators_of(program, memory, len(acted), even=setting.even)
-    if chain.actuation.looks:
+    n, which, looks = setting.n, _which(setting, len(windows)), chain.actuation.looks
+    step = n * setting.usual if setting.leaps else setting.usual
+    resting = None if looks else at_rest(program, chain, step, even=setting.even)
+    if resting is None:
+        acted, memory, before = _acted(chain, windows, spread, thetas, setting)
+        if not looks:
+            return Commands(acted, which, before, finely=True)
+        at = actuators_of(program, memory, len(acted), even=setting.even)
         if at is None:
             return None
         return Commands(acted, which, before, finely=True, given=windows.actions, at=at)
-    if at is None:
-        acted, _, before = _acted(chain, windows, spread, thetas, setting)
-        return Commands(acted, which, before, finely=True)
     own = np.tile(np.arange(len(windows)), len(setting.first))
     values = program.values(values_of(chain, windows, spread, thetas[setting.first]), len(own))
-    acted = travelled(program, n, values, windows.t, own, windows.actions, acted, at, threads)
-    return Commands(acted, which, before, finely=True)
+    if setting.leaps:
+        led = windows.before_t, windows.before_actions
+        acted = travelled(program, n, values, windows.t, own, windows.actions, None, resting, threads, led)
+        return Commands(acted, which, 0, finely=True)
+    clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
+    given = np.concatenate([windows.before_actions, windows.actions], axis=1)
+    acted = travelled(program, n, values, clock, own, given, None, resting, threads)
+    return Commands(acted, which, n * windows.before_actions.shape[1], finely=True)
 
 
 def _which(setting: Setting, count: int) -> IntArray:
@@ -138,12 +145,10 @@ def _acted(
     spread: Spread,
     thetas: FloatArray,
     setting: Setting,
-    *,
-    inside: bool = True,
 ) -> tuple[FloatArray, Memory, int]:
     """(B, K, A) what reaches the simulator at every substep, memory after them, how many lie before the windows.
 
-    inside: of the windows, too, unless what becomes of commands depends on the state.
+    Of the windows, too, unless what becomes of commands depends on the state.
     """
     count, n, first = len(windows), setting.n, setting.first
     rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
@@ -153,7 +158,7 @@ def _acted(
         memory = _led_up_to(chain, windows, rows, values, setting)
         windows = windows.remembering(0)
     before = n * windows.before_actions.shape[1]
-    end = None if inside and not chain.actuation.looks else before
+    end = before if chain.actuation.looks else None
     if end == 0:
         return np.empty((len(rows), 0, windows.actions.shape[2])), memory, 0
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)

@@ -1,8 +1,8 @@
 """Attribution: how much of the mismatch the account explains, how much each effect is, and which of them are claims.
 
-A headline accounts for a twentieth of the mismatch and is needed: something surely goes when it goes, and more than the
-account leaves. So is an effect without which some channel's error grows fourfold, or which decides in several blocks,
-however little that is of the whole: where the base is far off in one channel, shares of the whole say nothing of others.
+A headline accounts for a twentieth of the mismatch and is needed: by evidence beyond doubt, or by a part of the mismatch
+that goes when it goes. So is an effect without which some channel's error grows fourfold in several blocks, however
+little that is of the whole: where the base is far off in one channel, shares of the whole say nothing of others.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ DECIDES = (
 )
 SELDOM = 5
 """Blocks in which an effect decides that is a headline for that: a limit that is seldom reached, say."""
+BEYOND_DOUBT = 20.0  # nats: an effect that is worth as many is needed, whatever rollouts show
 OF_LEFT = (
     5.0  # or times what the account leaves, that goes when an effect goes, if that is less than `needed`
 )
@@ -63,10 +64,13 @@ def explained_by(question: Question, leader: Fit, null: Fit) -> Explained:
     return _explained(judge.mismatch, squares, names, judge.judged_on, counts)
 
 
-def attribute(question: Question, leader: Fit, null: Fit, without: Sequence[Hypothesis]) -> Attribution:
+def attribute(
+    question: Question, leader: Fit, null: Fit, without: Sequence[Hypothesis], gains: Sequence[float]
+) -> Attribution:
     """Judge an account on what it did not learn from.
 
-    null: the base, integrated as the account is; without: the account without each of its terms, all others fitted.
+    null: the base, integrated as the account is; without: the account without each of its terms, all others fitted;
+    gains: what each term is worth by that [nats].
     """
     judge, counts, noise = _judge(question, leader, null)
     if not leader.hypothesis.terms:
@@ -87,23 +91,27 @@ def attribute(question: Question, leader: Fit, null: Fit, without: Sequence[Hypo
         together[list(group)] = parts[list(group), 0].sum()
     left, settings = 1.0 - float(overall[0]), problem.run.settings.verdict
     roles = tuple(
-        role_of(
-            float(t), need, left, _deciding(mismatch, whole, part), _growth(mismatch, whole, part), settings
-        )
-        for t, need, part in zip(together, needed, less, strict=True)
+        role_of(float(t), need, left, nats, _deciding(mismatch, whole, part), _growth(mismatch, whole, part), settings)
+        for t, need, nats, part in zip(together, needed, gains, less, strict=True)
     )
     return Attribution(explained, importance, needed, roles, judge, noise, squares)
 
 
 def role_of(
-    importance: float, needed: Share, left: float, decided: int, grows: float, settings: VerdictSettings
+    importance: float,
+    needed: Share,
+    left: float,
+    nats: float,
+    decided: int,
+    grows: float,
+    settings: VerdictSettings,
 ) -> Role:
     """By the rule above. left: of the mismatch; decided: blocks in which it decides; grows: see `_growth`."""
     if grows >= DECIDES and decided >= SELDOM:
         return "headline"
     surely = needed.share if needed.low is None else needed.low
-    enough = needed.share >= min(settings.needed, OF_LEFT * left)
-    if surely <= 0.0 or not enough:
+    enough = surely > 0.0 and needed.share >= min(settings.needed, OF_LEFT * left)
+    if not enough and nats < BEYOND_DOUBT:
         return "slight"
     decides = decided >= SELDOM and needed.share >= OF_LEFT * left
     return "headline" if decides or importance >= settings.headline else "slight"

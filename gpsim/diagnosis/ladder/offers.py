@@ -115,7 +115,7 @@ class Lines:
     def __init__(self, slopes: Slopes, point: Fit) -> None:
         own, self.slopes = coordinates(point.hypothesis.parameters), slopes
         size = slopes.by_theta.shape[2]
-        self._j = slopes.off_starts(slopes.by_theta).reshape(-1, size)
+        self._j = slopes.off_starts(slopes.by_theta).reshape(slopes.r.size, size)
         held = np.diag(1.0 / own.prior**2)
         self._pull = held @ (point.z - own.centre)
         self._h = self._j.T @ self._j + held

@@ -25,10 +25,9 @@ BANDS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8)  # of the Nyquist frequency, b
 NARROWER = 1.5  # times lower is the frequency below which forces are compared: no filter's edge is sharp
 ORDER = 3  # of the filter (Butterworth), as if applied forwards and backwards
 FINE = 8.0  # samples a period of the band at least: the sign of a speed jumps
-PUSHED = 0.02  # of a row, that something else may push
 GAP = 5.0  # samples that are missing, behind which a recording begins anew
 LONGEST, PIECE, SHORTEST = 20_000, 2_000, 60  # samples that are looked at, in evenly spread pieces of so many
-FEWEST = 40  # rows, below which inverse dynamics say nothing
+FEWEST, PUSHED = 40, 0.02  # rows, below which nothing is told; share of a row, beyond which something else pushed
 TURNS = 0.05  # of a joint's usual speed, within which dry friction is taken to turn round
 STICKS = 0.15  # what a row counts while its joint hardly moves: nobody knows how much friction holds it
 HOLDS = 0.95  # quantile of the forces on a joint that stands, which friction holds at least
@@ -36,9 +35,10 @@ BLOCKS, ROUNDS = 16, 4  # of rows, each left out once; of weights by what is lef
 WINDOWS, SOUND = 30, 0.9  # that are simulated to compare, and which part of them counts: the best ones
 STEP, LATEST = 0.005, 0.15  # s, in which delays are scanned, and the longest one
 NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (what is wrong with rows is alike); for a delay, beside BIC
-STIFFNESS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.6, 2.5), (0.78, 0.88, 1.12, 1.28)
+STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)
 """Of what is believed of servos' gains: where it is looked for, and about the best of these and what is believed."""
-ALIKE, BETTER, SURELY = 0.98, 0.95, 0.8  # of an error: as good; that must be reached; by a model of other bodies
+ALIKE, SLIGHT = 0.98, 0.01  # of the best error, and of the base's: as good; start states are as noisy as they were read
+BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usual, by other motors or bodies
 PARTED = 0.5  # of a prior's deviation, above which the log does not tell a row from nothing
 ROUGHLY = 0.3  # of a size that no blocks size, its deviation
 GAIN, LATE, MASS, STIFF, DRY = "actuator_gain", "actuator_delay", ".mass", ".kp", "coulomb_friction"
@@ -46,7 +46,7 @@ ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0,
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
 WIDEST = (-0.75, 3.0)  # of what a gain or a mass is believed to be, the most that it is off
-Place = tuple[str, str]
+Where = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Sized:
     delay: s, by how much all commands come late; share: of the squared force residual that the rows take off.
     """
 
-    values: Mapping[Place, tuple[float, ...]]
-    deviations: Mapping[Place, tuple[float, ...]]
+    values: Mapping[Where, tuple[float, ...]]
+    deviations: Mapping[Where, tuple[float, ...]]
     delay: float
     share: float
 
@@ -70,27 +70,28 @@ def by_inverse_dynamics(
     None where they say nothing: a body floats, too little was recorded, or something pushes all the time.
     """
     simulator, system = problem.simulator, closed(problem.simulator)
-    if system is None or len(simulator.state) != 2 * len(simulator.coordinates):
+    if system is None or not simulator.coordinates or len(simulator.state) != 2 * len(simulator.coordinates):
         return None
-    log = _Log(problem, system, recording, tuple(c for c in candidates if not c.variant))
+    log = _Log(problem, system, recording, [c for c in candidates if not c.variant])
     bands = [band / 2.0 / recording.dt for band in BANDS] if log.rows and log.pieces else []
-    every = [forces for band in bands if (forces := _Forces(log, band)).enough]
+    every = [forces for band in bands if (forces := _Forces(log, band)).told >= FEWEST]
     if not every:
         return None
-    trials = _Trials(problem)
-    fits = [forces.fitted() for forces in every]
+    trials, fits = _Trials(problem), [forces.fitted() for forces in every]
     best = trials.surest(fits)
     for joint in range(len(simulator.coordinates)):
         best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
-    best = trials.surest([fit.holding(best.held) for fit in fits])
+    fits = [fit.holding(best.held) for fit in fits]
+    best = trials.surest(fits)
     for ratios in STIFFNESS if log.servos else ():
-        stiffer = [replace(best.forces, stiff=best.forces.stiff * r).fitted() for r in ratios]
+        stiffer = [best.forces.of_servos(best.forces.stiff * ratio).fitted() for ratio in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
     late = best.forces.late()
     if late > 0.0:
         best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
     others = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
-    return trials.better(best, others, SURELY).sized
+    best = trials.better(best, others, SURELY)
+    return (best if best in fits else trials.surest([best.again(forces) for forces in every])).sized
 
 
 class _Trials:
@@ -119,14 +120,14 @@ class _Trials:
 
     def surest(self, fits: Sequence[_Fit]) -> _Fit:
         """Of those that are as good as the best the one that is least uncertain: bands differ in noise and in news."""
-        least = min(self.error(fit) for fit in fits)
-        good = [fit for fit in fits if ALIKE * self.error(fit) <= least]
-        return good[int(np.argmin([np.log(fit.deviations).mean() for fit in good]))]
+        enough = SLIGHT + min(self.error(fit) for fit in fits) / ALIKE
+        good = [fit for fit in fits if self.error(fit) <= enough]
+        return good[int(np.argmin([np.median(np.log(fit.deviations)) for fit in good]))]
 
     def better(self, fit: _Fit, others: Sequence[_Fit], share: float) -> _Fit:
         """The best of the others, where it misses less than this share of what the first one misses."""
-        errors = [self.error(other) for other in others]
-        return others[int(np.argmin(errors))] if errors and min(errors) < share * self.error(fit) else fit
+        best = min(others, key=self.error, default=fit)
+        return best if self.error(best) < share * self.error(fit) else fit
 
 
 @dataclass(frozen=True)
@@ -143,168 +144,124 @@ class _Row:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of its size; what the model has of it is never all of it in error, or light links would whirl."""
+        """Of its size; what the model has of friction and rotors is never all of it wrong, or light links would whirl."""
         p = self.candidate.declared[0]
-        return WIDEST if self.kind in OFF else (0.9 * p.low if self.kind != "constant_force" else p.low, p.high)
+        return WIDEST if self.kind in OFF else (p.low if self.kind == "constant_force" else 0.9 * p.low, p.high)
 
 
-@dataclass(frozen=True, eq=False)
 class _Log:
-    """A recording in pieces on an even clock, and what may be asked of it."""
+    """A recording in pieces on an even clock, and what may be asked of it.
 
-    problem: Problem
-    system: ClosedStep
-    recording: Recording
-    candidates: tuple[Candidate, ...]
+    at: (C,) columns of positions, and of speeds; rows: friction, rotors and offsets of joints whose position was
+    measured; kinds: what may be off beside them, one at a time: all motors' gains, or a body's mass (of servos neither:
+    what they give has no other measure than the believed bodies); dry: (C,) the model's own dry friction, and terms that
+    take it away, since a motion says what it is and not a state; pieces: episodes, moments (N,), positions (N, C) then.
+    """
 
-    @cached_property
-    def columns(self) -> tuple[IntArray, IntArray]:
-        """Of all coordinates the columns of their positions and of their speeds."""
-        index, coordinates = self.problem.simulator.state.index, self.problem.simulator.coordinates
-        return np.array([index(c.name) for c in coordinates]), np.array([index(c.velocity) for c in coordinates])
-
-    @cached_property
-    def rows(self) -> list[_Row]:
-        """Friction, rotors and offsets of joints whose position was measured."""
-        seen = self.problem.observed[self.columns[0]]
-        joints = {c.name: i for i, c in enumerate(self.problem.simulator.coordinates) if seen[i]}
-        rows = [c for c in self.candidates if c.family in ROWS and c.place.on in joints]
-        return [_Row(c, joints[c.place.on]) for c in rows]
-
-    @cached_property
-    def servos(self) -> list[Candidate]:
-        """The stiffness of position servos."""
-        return [c for c in self.candidates if c.place.on.endswith(STIFF)]
-
-    @cached_property
-    def late(self) -> list[Candidate]:
-        """Late commands, of which there is one delay."""
-        return [c for c in self.candidates if c.family == LATE]
-
-    @cached_property
-    def kinds(self) -> list[list[_Row]]:
-        """What may be off beside rows, one at a time: all motors' gains, or a body's mass; of servos neither.
-
-        What a servo gives has no other measure than the believed bodies.
-        """
-        drives: Mapping[str, str] = getattr(self.problem.simulator, "drives", {})
-        joints, driven = [c.name for c in self.problem.simulator.coordinates], list(drives.values())
-        alone = [c for c in self.candidates if c.family == GAIN and driven.count(drives.get(c.place.on, "")) == 1]
-        motors = [_Row(c, joints.index(drives[c.place.on])) for c in alone if drives[c.place.on] in joints]
-        masses = [[_Row(c, -1)] for c in self.candidates if c.place.on.endswith(MASS)]
-        return [] if self.servos else [motors, *masses] if motors else masses
-
-    @cached_property
-    def dry(self) -> tuple[FloatArray, list[Term]]:
-        """(C,) the model's own dry friction, and terms that take it away: a motion says what it is, not a state."""
+    def __init__(
+        self, problem: Problem, system: ClosedStep, recording: Recording, candidates: Sequence[Candidate]
+    ) -> None:
+        self.problem, self.system, self.dt, self.candidates = problem, system, recording.dt, candidates
+        state, coordinates = problem.simulator.state, problem.simulator.coordinates
+        self.at = np.array([state.index(c.name) for c in coordinates])
+        self.speeds = np.array([state.index(c.velocity) for c in coordinates])
+        joints = {c.name: i for i, c in enumerate(coordinates)}
+        seen = {name for name, i in joints.items() if problem.observed[self.at[i]]}
+        self.rows = [_Row(c, joints[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
+        self.late = [c for c in candidates if c.family == LATE]
+        self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
+        drives: Mapping[str, str] = getattr(problem.simulator, "drives", {})
+        alone = {a: joints[on] for a, on in drives.items() if on in joints and [*drives.values()].count(on) == 1}
+        motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
+        masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
+        self.kinds = [] if self.servos else [motors, *masses] if motors else masses
         own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]
-        force = np.zeros(len(self.columns[0]))
-        force[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
-        return force, [r.candidate.term((-force[r.joint],)) for r in own]
+        self.dry = np.zeros(len(coordinates))
+        self.dry[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
+        self.without_dry = [r.candidate.term((-r.candidate.place.friction,)) for r in own]
+        pieces = [piece for episode in recording.episodes for piece in self._pieces(episode)]
+        self.pieces = [pieces[i] for i in evenly(len(pieces), LONGEST // PIECE)]
 
-    @cached_property
-    def pieces(self) -> list[tuple[Episode, FloatArray, FloatArray]]:
-        """Episodes, moments (N,) on an even grid and positions (N, C) then."""
+    def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
-        dt, at = self.recording.dt, self.columns[0]
-        wraps, found = np.array(self.problem.simulator.state.wraps)[at], []
-        for e in self.recording.episodes:
-            good = np.flatnonzero(np.ones(len(e.t)) if e.weights is None else e.weights[:, at].min(axis=1) > 0)
-            for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * dt) + 1):
-                if len(run) >= SHORTEST:
-                    q = e.states[run][:, at]
-                    path = CubicSpline(e.t[run], np.where(wraps, np.unwrap(q, axis=0), q))
-                    grid = np.arange(e.t[run[0]], e.t[run[-1]], dt)
-                    found += [(e, t, path(t)) for t in np.array_split(grid, -(-len(grid) // PIECE))]
-        return [found[i] for i in evenly(len(found), LONGEST // PIECE)]
+        wraps, found = np.array(self.problem.simulator.state.wraps)[self.at], []
+        good = np.flatnonzero(np.ones(len(e.t)) if e.weights is None else e.weights[:, self.at].min(axis=1) > 0)
+        for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * self.dt) + 1):
+            if len(run) >= SHORTEST:
+                q = e.states[run][:, self.at]
+                path = CubicSpline(e.t[run], np.where(wraps, np.unwrap(q, axis=0), q))
+                grid = np.arange(e.t[run[0]], e.t[run[-1]], self.dt)
+                found += [(e, t, path(t)) for t in np.array_split(grid, -(-len(grid) // PIECE))]
+        return found
 
 
-@dataclass(frozen=True, eq=False)
 class _Forces:
-    """Forces below a frequency [Hz], as servos of so many times the believed stiffness give them."""
+    """Forces below a frequency [Hz], as servos of so many times the believed stiffness give them.
 
-    log: _Log
-    band: float
-    stiff: float = 1.0
+    motion: (3, N, C) positions, speeds and accelerations; way: (N, C) which way joints go, -1 to 1; counts: (K, C) what
+    a row counts at a joint: little where that hardly moves, nothing where something else pushes it; told: rows of the
+    joint that has most.
+    """
 
-    @cached_property
-    def every(self) -> int:
-        """Samples from one at which forces are found to the next."""
-        return max(int(1.0 / (FINE * self.band * self.log.recording.dt)), 1)
+    def __init__(self, log: _Log, band: float, stiff: float = 1.0) -> None:
+        self.log, self.band, self.stiff = log, band, stiff
+        every = max(int(1.0 / (FINE * band * log.dt)), 1)
+        self.dt, self._moments = every * log.dt, [(e, t[::every]) for e, t, _ in log.pieces]
+        self.motion = np.concatenate([_below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces], axis=1)
+        self.states = np.empty((self.motion.shape[1], len(log.problem.simulator.state)))
+        self.states[:, log.at], self.states[:, log.speeds] = self.motion[:2]
+        self.way = np.tanh(self.motion[1] / (TURNS * self.motion[1].std(axis=0) + 1e-12))
+        moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
+        pushed = np.abs(self._heard(log.system.hindered(self.states).astype(np.float64))) > PUSHED
+        self.counts = np.where(pushed, 0.0, np.where(moves, 1.0, STICKS))
+        self.told = int((self.counts > 0).sum(axis=0).max())
 
-    @cached_property
-    def motion(self) -> FloatArray:
-        """(3, N, C): positions, speeds and accelerations."""
-        dt, pieces = self.log.recording.dt, self.log.pieces
-        return np.concatenate([_below(self.band, q, dt, 3)[:, :: self.every] for _, _, q in pieces], axis=1)
-
-    @cached_property
-    def states(self) -> FloatArray:
-        """(N, S)."""
-        out = np.empty((self.motion.shape[1], len(self.log.problem.simulator.state)))
-        out[:, self.log.columns[0]], out[:, self.log.columns[1]] = self.motion[:2]
-        return out
-
-    @cached_property
-    def way(self) -> FloatArray:
-        """(N, C) which way joints go, -1 to 1."""
-        return np.asarray(np.tanh(self.motion[1] / (TURNS * self.motion[1].std(axis=0) + 1e-12)))
+    def of_servos(self, stiff: float) -> _Forces:
+        """The same of servos of another stiffness."""
+        return _Forces(self.log, self.band, stiff)
 
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
         out = []
-        for e, t, _ in self.log.pieces:
-            at, middle = t[:: self.every] - late, (e.t[1:] + e.t[:-1]) / 2.0
-            out.append(np.reshape([np.interp(at, middle, given) for given in e.actions.T], (-1, len(at))).T)
+        for e, t in self._moments:
+            middle = (e.t[1:] + e.t[:-1]) / 2.0
+            out.append(np.reshape([np.interp(t - late, middle, given) for given in e.actions.T], (-1, len(t))).T)
         return np.concatenate(out)
 
-    def lacking(self, commands: FloatArray, *terms: Term) -> FloatArray:
-        """(N, C): what the motion takes beyond what the model, with these terms, is given."""
-        (force, less), problem = self.log.dry, self.log.problem
-        believed = {c.place.on: self.stiff * problem.parameters[c.place.on] for c in self.log.servos}
-        given = self.states, commands, self.motion[2], {**problem.parameters, **believed}
-        lacks = self.log.system.lacking_force(*given, [*less, *terms])
-        return np.nan_to_num(lacks, posinf=0.0, neginf=0.0) + force * self.way
+    def _lacking(self, commands: FloatArray, *terms: Term) -> FloatArray:
+        """(K, C): what the motion takes beyond what the model, with these terms, is given."""
+        log, parameters = self.log, dict(self.log.problem.parameters)
+        parameters |= {c.place.on: self.stiff * parameters[c.place.on] for c in log.servos}
+        every = [*log.without_dry, *terms]
+        lacks = log.system.lacking_force(self.states, commands, self.motion[2], parameters, every)
+        return self._heard(np.nan_to_num(lacks, posinf=0.0, neginf=0.0) + log.dry * self.way)
 
-    def _heard(self, force: FloatArray | BoolArray, plain: bool = False) -> FloatArray:
+    def _heard(self, force: FloatArray, plain: bool = False) -> FloatArray:
         """(K, ...): forces (N, ...) below the lower frequency, or as they are, at rows that tell something new.
 
         None of those are where a filter has not settled.
         """
-        period, out = 1.0 / self.band / (self.every * self.log.recording.dt), []
-        ends = np.cumsum([len(t[:: self.every]) for _, t, _ in self.log.pieces])[:-1]
-        for f in np.split(force, ends):
-            rows = slice(int(period) + 1, max(len(f) - int(period) - 1, 0), max(int(period * NARROWER / 4.0), 1))
-            low = self.band / NARROWER, f, self.every * self.log.recording.dt
-            out.append((f if plain else _below(*low)[0])[rows])
+        period, out = 1.0 / self.band / self.dt, []
+        edge, step = int(period) + 1, max(int(period * NARROWER / 4.0), 1)
+        for part in np.split(force, np.cumsum([len(t) for _, t in self._moments])[:-1]):
+            low = part if plain else _below(self.band / NARROWER, part, self.dt)[0]
+            out.append(low[edge : max(len(part) - edge, edge) : step])
         return np.concatenate(out)
-
-    @cached_property
-    def counts(self) -> FloatArray:
-        """(K, C): what a row counts at a joint: little where that hardly moves, nothing where something pushes it."""
-        moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
-        pushed = self._heard(self.log.system.hindered(self.states).astype(float))
-        return np.where(np.abs(pushed) > PUSHED, 0.0, np.where(moves, 1.0, STICKS))
-
-    @property
-    def enough(self) -> bool:
-        """Whether there are rows to tell from."""
-        return int((self.counts > 0).sum(axis=0).max(initial=0)) >= FEWEST
 
     @cached_property
     def takes(self) -> FloatArray:
         """(K, C): what the model takes for the motion where nothing is commanded."""
-        return self._heard(self.lacking(0.0 * self.commands(0.0)))
+        return self._lacking(0.0 * self.commands(0.0))
 
     @cached_property
     def at_once(self) -> FloatArray:
         """(K, C): what drives give beyond what the model takes, where commands come at once."""
-        return -self._heard(self.lacking(self.commands(0.0)))
+        return -self._lacking(self.commands(0.0))
 
     def gives(self, late: float) -> FloatArray:
         """(K, C): the same where they come so late."""
-        return -self._heard(self.lacking(self.commands(late))) if late else self.at_once
+        return -self._lacking(self.commands(late)) if late else self.at_once
 
     @cached_property
     def of_rows(self) -> FloatArray:
@@ -321,42 +278,42 @@ class _Forces:
         if row.kind == GAIN:
             return np.where(np.arange(self.takes.shape[1]) == row.joint, self.takes, 0.0)
         if row.kind == LATE:
-            more = self.log.recording.dt / 4.0
+            more = self.log.dt / 4.0
             return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
         mass = row.candidate.term((1.0 + OFF[MASS],))
-        return (self._heard(self.lacking(self.commands(late), mass)) + self.gives(late)) / OFF[MASS]
+        return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
 
-    def prior(self, rows: Sequence[_Row]) -> FloatArray:
-        """(P,) deviations of sizes a priori."""
-        some = self.counts > 0
+    @cached_property
+    def prior(self) -> FloatArray:
+        """(R,) deviations of rows' sizes a priori."""
+        some, rows = self.counts > 0, self.log.rows
         both = [(f**2 * some).sum(axis=0) for f in (self.takes, self.takes + self.at_once)]
         usual = np.sqrt(np.maximum(*both) / np.maximum(some.sum(axis=0), 1))
-        for row in (r for r in self.log.rows if r.kind == DRY):
+        for row in (r for r in rows if r.kind == DRY):
             usual[row.joint] = max(usual[row.joint], 5.0 * row.candidate.declared[0].scale)
         moved = np.sqrt((self.of_rows**2).mean(axis=(0, 1)) * len(usual)) + 1e-12
-        rest = [OFF[row.kind] for row in rows[len(moved) :]]
-        return np.array([*(ROWS[r.kind] * usual[r.joint] / m for r, m in zip(self.log.rows, moved, strict=True)), *rest])
+        return np.array([ROWS[r.kind] * usual[r.joint] for r in rows]) / moved
 
     def late(self) -> float:
         """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
-        high, step = min([LATEST, *(c.declared[0].high for c in self.log.late)]), self.log.recording.dt
-        scan = np.arange(0.0, high, max(STEP, step / 2.0)) if self.log.late else np.zeros(1)
-        weights, columns = self.counts, self.of_rows * self.counts[:, :, None]
-        bases = [np.linalg.qr(columns[:, j, columns[:, j].any(axis=0)])[0] for j in range(weights.shape[1])]
-        nats = 0.5 * (scan / step) ** 2 + (scan > 0.0) * (ENOUGH + 0.5 * np.log(NEWS * len(weights)))
+        high, weights = min([LATEST, *(c.declared[0].high for c in self.log.late)]), self.counts
+        scan = np.arange(0.0, high, max(STEP, self.log.dt / 2.0)) if self.log.late else np.zeros(1)
+        nats = 0.5 * (scan / self.log.dt) ** 2 + (scan > 0.0) * (ENOUGH + 0.5 * np.log(NEWS * len(weights)))
+        basis = np.linalg.qr((self.of_rows * weights[:, :, None]).reshape(weights.size, -1))[0]
         for i, late in enumerate(scan):
-            given = (self.gives(late) * weights).T
-            left = [float(y @ y - np.sum((q.T @ y) ** 2)) for y, q in zip(given, bases, strict=True)]
+            y = (self.gives(late) * weights).ravel()
+            left = ((y - basis @ (basis.T @ y)).reshape(weights.shape) ** 2).sum(axis=0)
             nats[i] += 0.5 * NEWS * float((weights**2).sum(axis=0) @ np.log(np.maximum(left, 1e-300)))
         return float(scan[int(np.argmin(nats))])
 
     def fitted(self, late: float = 0.0, more: Sequence[_Row] = ()) -> _Fit:
         """Rows and what else may be off, by least squares."""
         further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
-        rows, columns = [*self.log.rows, *further], [self.of(row, late)[:, :, None] for row in further]
+        a = np.concatenate([self.of_rows, *(self.of(row, late)[:, :, None] for row in further)], axis=2)
+        prior = np.array([*self.prior, *(OFF[row.kind] for row in further)])
+        rows = [*self.log.rows, *further]
         low, high = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
-        a, y = np.concatenate([self.of_rows, *columns], axis=2), self.gives(late)
-        return _Fit(self, late, rows, *_least_squares(a, y, self.counts, self.prior(rows), low, high))
+        return _Fit(self, late, rows, *_least_squares(a, self.gives(late), self.counts, prior, low, high))
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,16 +346,21 @@ class _Fit:
                 held.append(row.joint)
         return replace(self, sizes=sizes, deviations=deviations, held=tuple(held))
 
+    def again(self, forces: _Forces) -> _Fit:
+        """The same asked of forces in another band."""
+        kind = [row for row in self.rows[len(forces.log.rows) :] if row.kind != LATE]
+        return forces.of_servos(self.forces.stiff).fitted(self.late, kind).holding(self.held)
+
     @cached_property
     def late(self) -> float:
         """How late commands come [s]."""
         return self.begun + sum(float(s) for s, r in zip(self.sizes, self.rows, strict=True) if r.kind == LATE)
 
     @cached_property
-    def values(self) -> dict[Place, tuple[float, float]]:
+    def values(self) -> dict[Where, tuple[float, float]]:
         """Of what the log tells the value and its deviation."""
         gains = {r.joint: 1.0 / (1.0 + s) for r, s in zip(self.rows, self.sizes, strict=True) if r.kind == GAIN}
-        out, log, stiff = dict[Place, tuple[float, float]](), self.forces.log, self.forces.stiff
+        out, log, stiff = dict[Where, tuple[float, float]](), self.forces.log, self.forces.stiff
         for row, size, sd, told in zip(self.rows, self.sizes, self.deviations, self.told, strict=True):
             gain, p = gains.get(row.joint, 1.0), row.candidate.declared[0]
             value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0)}.get(row.kind, (size * gain, gain))

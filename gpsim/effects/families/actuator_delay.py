@@ -142,11 +142,12 @@ def _met(
     first = np.minimum(last_at_most(lambda place: begins[row, place], width, low), own)
     last = np.minimum(last_at_most(lambda place: begins[row, place], width, high), own)
     pieces = int((last - first).max(initial=0)) + 1
-    place = np.minimum(first[:, :, None] + np.arange(pieces), own[:, None])
+    # What follows may have play in it, which a command moves that lasts no time: none is met that has not begun.
+    place = np.minimum(first[:, :, None] + np.arange(pieces), last[:, :, None])
     rows = row[:, :, None]
     met = np.minimum(ends[rows, place], high[:, :, None]) - np.maximum(begins[rows, place], low[:, :, None])
     met = np.maximum(met, 0.0)
-    met[:, :, 1:][place[:, :, 1:] == place[:, :, :-1]] = 0.0  # the newest one counts once
+    met[:, :, 1:][place[:, :, 1:] == place[:, :, :-1]] = 0.0  # the last one counts once
     whole = met.sum(axis=2, keepdims=True)
     met[:, :, :1] += whole <= 0.0  # a substep of no length meets one command
     return line[rows, place], met / np.where(whole > 0.0, whole, 1.0)
