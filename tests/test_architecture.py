@@ -45,7 +45,7 @@ LEVELS = [
     {"channels", "settings", "workers"},
     {"trust"},
     {"files", "limits", "private"},
-    {"errors", "supervision"},
+    {"doors", "errors", "supervision"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

@@ -67,7 +67,7 @@ def test_nothing_is_overwritten_and_nothing_half_written(cartpole_log, tmp_path,
         with pytest.raises(RuntimeError):
             import_log([cartpole_log], tmp_path / "half", words=["system=cartpole"])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "out"]
-    monkeypatch.setattr("gpsim.stages.import_log.draw_channels", fail)
+    monkeypatch.setattr("gpsim.reports.import_figure.draw_channels", fail)
     import_log([cartpole_log], tmp_path / "plain", words=["system=cartpole"])
     assert read_warnings(tmp_path / "plain") == [
         "figures/channels.png is left out: RuntimeError: the disk is gone"

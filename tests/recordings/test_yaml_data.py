@@ -58,7 +58,7 @@ def test_plain_data_stay_what_they_are_and_json_can_hold_them():
 
 
 def test_yaml_of_data_has_one_reader():
-    """Hydra's configurations apart, which cli/configuration.py composes."""
+    """Hydra's configurations apart, which cli/composing.py composes."""
     root = Path(__file__).resolve().parents[2]
     reading = re.compile(r"yaml\.(safe_|full_|unsafe_)?load|OmegaConf")
     found = {
