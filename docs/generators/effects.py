@@ -8,6 +8,7 @@ from types import ModuleType
 
 from gpsim.diagnosis.fitting.coordinates import LOG_SIZE
 from gpsim.diagnosis.ladder import USUAL as USUAL_LAWS
+from gpsim.diagnosis.settings import Settings
 from gpsim.effects.effect import Effect
 from gpsim.effects.families.clock_drift import TOLERATED
 from gpsim.effects.place import Place, Plausible
@@ -113,8 +114,38 @@ def effects_page() -> str:
     ]
     usual = "\n".join([USUAL, *sizes])
     curves = "\n".join(f"- `{family}`: {_first(effect)}" for family, effect in CURVES.items())
-    parts = [HEAD, table, TAIL, usual, MEASURED, curves, "## Where the laws are from", sources]
+    parts = [
+        HEAD,
+        table,
+        TAIL,
+        _usual_machines(),
+        usual,
+        MEASURED,
+        curves,
+        "## Where the laws are from",
+        sources,
+    ]
     return "\n\n".join(parts) + "\n"
+
+
+def _usual_machines() -> str:
+    """What machines of a kind usually have, and why; all else must bring more."""
+    laws = Settings().laws
+    lines = [
+        f"| {kind} | `{family}` | {why} |"
+        for kind, table in USUAL_LAWS.items()
+        for family, why in table.items()
+    ]
+    head = f"""## What is usual
+
+A diagnosis fits all of this at once, and takes away what the recording does not ask for. A law that is not here must bring
+{laws.unusual:g} nats more beside its price (drag {laws.drag:g}, what machines hardly ever have {laws.rare:g}) and a good part
+of what the usual ones leave. `diagnose.families.usual` and `.unusual` change the table for a machine of yours.
+
+| kind | family | why |
+|---|---|---|
+"""
+    return head + "\n".join(lines)
 
 
 def _first(effect: Effect) -> str:

@@ -12,7 +12,15 @@ from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, fit
-from gpsim.diagnosis.judging import Judgement, attribute, beats_the_base, claimed, doubts_of, verdict_of
+from gpsim.diagnosis.judging import (
+    Judgement,
+    attribute,
+    beats_the_base,
+    claimed,
+    doubts_of,
+    forms_of,
+    verdict_of,
+)
 from gpsim.diagnosis.ladder import Climbed, climb
 from gpsim.diagnosis.left_open import LeftOpen, left_open_of
 from gpsim.diagnosis.report import Diagnosis, Score
@@ -102,7 +110,7 @@ def _answer(
         comparison = compare(question, judgement, attribution, offers, rng)
     sizes = estimates(question, judgement.leader, 1.0 - attribution.share.share)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
-    forms = tuple("untested" if not t.family else "holds" for t in judgement.leader.hypothesis.terms)
+    forms = forms_of(judgement, attribution, climbed.asked)
     doubts = doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings)
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":

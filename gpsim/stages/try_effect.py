@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Outcome, diagnose
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import Known, read_settings
+from gpsim.diagnosis.settings import Known
 from gpsim.effects import PLACE, Brought, Check, Place, Term, tried
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording

@@ -1,9 +1,9 @@
 """Intervals: how well the data know each parameter.
 
-From the quadratic of the fit in its coordinates, widened by what is left: windows are the blocks, and so are longer runs
-of neighbouring ones, and where gradients scatter over them more than the model says, that counts (White 1982; over runs
-as Newey and West 1987); what halving the substep moves is added. Ends are carried to the parameters' units one by one:
-a ratio's interval is as wide, in logarithms, to either side.
+From the quadratic of the fit in its coordinates, widened by what is left: windows are the blocks, and so are longer
+runs of neighbouring ones, and where gradients scatter over them more than the model says, that counts (White 1982; over
+runs as Newey and West 1987); what halving the substep moves is added. Ends are carried to the parameters' units one by
+one: a ratio's interval is as wide, in logarithms, to either side.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def _by_runs(problem: Problem, gradients: FloatArray) -> FloatArray:
 
 
 def _inverse(information: FloatArray) -> FloatArray:
-    """Of coordinates of whatever size: scaled to a unit diagonal before; an open direction keeps a little information."""
+    """Of coordinates of whatever size, scaled to a unit diagonal; an open direction keeps a little information."""
     scale = np.sqrt(np.maximum(np.diag(information), TINY))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     values = np.maximum(values, OPEN * max(float(values[-1]), 1.0))

@@ -26,9 +26,9 @@ from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
 MOST_SHARE = 0.8  # of those there are, that it learns from: it is judged on the others
-RESTARTS = 2  # of the fit of its hyperparameters
+RESTARTS = 1  # of the fit of its hyperparameters
 SCREENING_ITERATIONS = 5  # after which the best start is chosen
-ITERATIONS = 60  # of the fit from there, at most
+ITERATIONS = 30  # of the fit from there, at most
 HELPS = 0.99  # times the error without it, that it must reach in some channel
 HARMS = 1.05  # times the error without it, that it may make in no channel
 MUCH_BETTER = 0.9

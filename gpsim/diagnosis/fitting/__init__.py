@@ -11,7 +11,7 @@ from gpsim.diagnosis.fitting.discretisation import (
     numerical_error,
     stepped,
 )
-from gpsim.diagnosis.fitting.evidence import autocorrelation, whiteness
+from gpsim.diagnosis.fitting.evidence import autocorrelation, sensor_noise, unexplained, whiteness
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
@@ -45,10 +45,12 @@ __all__ = [
     "numerical_error",
     "predicted",
     "prior",
+    "sensor_noise",
     "simulate",
     "step_sizes",
     "stepped",
     "traced",
+    "unexplained",
     "whiteness",
     "without_sensors",
 ]

@@ -9,16 +9,14 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.shooting import Fit, Shooting
 
-LONGEST_LAG = 12  # up to which a residual's autocorrelation is summed [samples]
 WHITENESS_LAGS = 3  # lags at which a white residual must not be correlated [samples]
 AT_FLOOR = 1.01  # times the floor (known noise, numerical error): a residual that small is white
 PROJECTED_WINDOWS = 60
 """Over which the share is averaged that fitting start states takes off white noise [windows]."""
 
 
-def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = None) -> FloatArray:
-    """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags; None: the longest."""
-    lags = lags or LONGEST_LAG
+def autocorrelation(problem: Problem, residual: FloatArray, lags: int) -> FloatArray:
+    """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags."""
     power = (residual**2).sum(axis=(0, 1))
     counted = problem.counted
     total = np.maximum(counted.sum(axis=(0, 1)).astype(np.float64), 1.0)
@@ -28,13 +26,6 @@ def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = N
         share = np.maximum((counted[:, lag:] & counted[:, :-lag]).sum(axis=(0, 1)), 1.0) / total
         out[:, lag - 1] = np.divide(pairs, power * share, out=np.zeros_like(power), where=power > 0)
     return out
-
-
-def correlation_time(problem: Problem, residual: FloatArray) -> FloatArray:
-    """(S,) tau = 1 + 2 sum of the autocorrelations up to the first that is not positive."""
-    rho = autocorrelation(problem, residual)
-    positive = np.cumprod(rho > 0, axis=1)
-    return np.asarray(1.0 + 2.0 * (rho * positive).sum(axis=1))
 
 
 def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
@@ -67,6 +58,38 @@ def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
             if p < worst:
                 worst, size = p, float(rho[channel, lag])
     return min(1.0, worst * lags * len(seen)), size
+
+
+def unexplained(problem: Problem, fit: Fit) -> float:
+    """Nats of a fit's misfit beyond the sensors' noise, as stated or as neighbours do not share it."""
+    noise, total = fit.noise, 0.0
+    own = sensor_noise(problem, fit.residuals)
+    for i in np.flatnonzero(problem.observed):
+        weights = noise.weights[..., i]
+        scale = noise.white[i] ** 2 * noise.times[i]
+        cost = 0.5 * float(((fit.residuals[..., i] * weights) ** 2).sum()) / scale
+        known = 0.5 * float((weights > 0).sum()) * float(own[i]) ** 2 / scale
+        total += max(0.0, cost - BEYOND_CHANCE * known)
+    return total
+
+
+def sensor_noise(problem: Problem, residuals: FloatArray) -> FloatArray:
+    """(S,) standard deviation of every channel's noise: as stated, else by second differences.
+
+    Smooth errors of a model do not move these.
+    """
+    second, counted = np.diff(residuals, n=2, axis=1) / np.sqrt(6.0), problem.counted
+    sound = counted[:, 2:] & counted[:, 1:-1] & counted[:, :-2]
+    rough = [
+        np.sqrt(np.mean(second[..., i][sound[..., i]] ** 2)) if sound[..., i].any() else 0.0
+        for i in range(len(problem.floor))
+    ]
+    return np.asarray(np.where(problem.stated, problem.floor, np.maximum(rough, problem.floor)))
+
+
+BEYOND_CHANCE = (
+    1.1  # times the squares that noise makes: less may be chance, or a noise that was stated roughly
+)
 
 
 def _fitted_share(problem: Problem, fit: Fit, lags: int) -> FloatArray:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,9 @@ class Hypothesis:
     terms: tuple[Term, ...] = ()
     declared: tuple[tuple[EffectParameter, ...], ...] = ()
     scheme: Scheme = "fine"
+    _made: dict[tuple[int, int, float], tuple[Any, ...]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @property
     def parameters(self) -> tuple[EffectParameter, ...]:
@@ -149,7 +153,9 @@ class Hypothesis:
             values = {p.name: float(theta[at + i]) for i, p in enumerate(group)}
             terms.append(replace(term, values={**term.values, **values}))
             at += len(group)
-        return replace(self, terms=tuple(terms))
+        other = replace(self, terms=tuple(terms))
+        other._made.update(self._made)  # what simulates it does not depend on its values
+        return other
 
     def plus(self, term: Term, declared: tuple[EffectParameter, ...]) -> Hypothesis:
         """One term more."""
@@ -234,8 +240,16 @@ class Hypothesis:
         return replace(self, declared=tuple(() for _ in self.terms))
 
     def chain(self, simulator: Simulator, parameters: Mapping[str, float], dt: float) -> Chain:
-        """What simulates it."""
-        return Chain(simulator, parameters, self.terms, self.scheme, dt)
+        """What simulates it, made once for all values of its parameters."""
+        key = id(simulator), id(parameters), dt
+        if key not in self._made:
+            self._made[key] = (
+                Chain(simulator, parameters, self.terms, self.scheme, dt),
+                simulator,
+                parameters,
+            )
+        chain: Chain = self._made[key][0]
+        return chain
 
     def spread(self, thetas: FloatArray, repeat: int) -> list[dict[str, FloatArray]]:
         """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""

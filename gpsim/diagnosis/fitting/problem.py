@@ -25,10 +25,10 @@ class Problem:
 
     observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
-    scale: (S,) typical size of each channel. substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
-    was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
-    simulator that owns its integration (then by `slope_simulator`); 0: as many as always. dry_steps: coordinate ->
-    times as many substeps where dry friction acts on it, of such a simulator: its stops are exact to a step.
+    scale: (S,) typical size of each channel; substeps: of a transition where the scheme is fine; base_steps: the base
+    simulator's own (more where a fast clock was thinned); run: what the diagnosis carries along. Of a simulator that
+    owns its integration: slope_steps: of a transition where only differences count (then by `slope_simulator`), 0: as
+    many as always; dry_steps: coordinate -> times as many substeps where dry friction acts on it.
     """
 
     simulator: Simulator

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray
+from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.fitting.coordinates import Coordinates, coordinates
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem
@@ -29,8 +29,10 @@ CORE = 6.0  # robust standard deviations to which residuals are clipped where th
 
 @dataclass(frozen=True)
 class Noise:
-    """What a residual counts by. white: (S,) standard deviation of each channel; times: (S,) by how much correlation
-    makes a sample count less; weights: (W, L + 1, S) of samples, 0 where nothing was observed.
+    """What a residual counts by.
+
+    white: (S,) standard deviation of each channel; times: (S,) by how much correlation makes a sample count less;
+    weights: (W, L + 1, S) of samples, 0 where nothing was observed.
     """
 
     white: FloatArray
@@ -79,7 +81,7 @@ class Fit:
         return np.asarray(self.by_window.sum(axis=0) + np.diag(1.0 / own.prior**2))
 
     def learnt_from(self, windows: IntArray) -> Hypothesis:
-        """The hypothesis as some of the windows alone say: one step from the fit to all of them, as a jackknife takes."""
+        """The hypothesis as some of the windows alone say: one step from the whole, as a jackknife takes."""
         own = coordinates(self.hypothesis.parameters)
         held = 1.0 / own.prior**2
         information = self.by_window[windows].sum(axis=0) + np.diag(held)
@@ -93,9 +95,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Slopes:
-    """Whitened residual r (W, M), its slopes by parameters J (W, M, P) and by start states S (W, M, N), and the start
-    states' damped normal matrices G (W, N, N).
-    """
+    """Whitened residual r (W, M), and its slopes by parameters (W, M, P) and by start states (W, M, N)."""
 
     r: FloatArray
     by_theta: FloatArray
@@ -106,7 +106,7 @@ class Slopes:
         g = np.einsum("wmi,wmj->wij", self.by_start, self.by_start, optimize=True)
         diagonal = np.einsum("wii->wi", g)
         g += (np.reshape(damping, (-1, 1)) * diagonal + 1e-12)[:, :, None] * np.eye(g.shape[1])
-        return g
+        return np.asarray(g)
 
     def projected(
         self, damping: FloatArray | float = 1e-9
@@ -175,7 +175,7 @@ class Shooting:
     def slopes(self, point: Fit, own: Coordinates | None = None, parameters: bool = True) -> Slopes:
         """By finite differences, all in one batch."""
         own = own or coordinates(point.hypothesis.parameters)
-        problem, n = self.problem, point.starts.shape[1]
+        n = point.starts.shape[1]
         p = len(own.parameters) if parameters else 0
         zs, copies = np.tile(point.z, (n + p, 1)), np.tile(point.starts, (n + p, 1, 1))
         steps = np.empty(n + p)
@@ -228,7 +228,7 @@ class Shooting:
 
     def _moved(
         self, point: Fit, own: Coordinates, z: FloatArray, starts: FloatArray
-    ) -> tuple[Fit, FloatArray]:
+    ) -> tuple[Fit, BoolArray]:
         """The point at z, each window from its new start state or, where that is worse, its old one."""
         z = np.clip(z, own.low, own.high)
         theta = own.natural(z)
@@ -338,7 +338,7 @@ def bounded_step(
     return np.clip(z + move, low, high) - z
 
 
-def correlated(residual: FloatArray, counted: FloatArray) -> float:
+def correlated(residual: FloatArray, counted: BoolArray) -> float:
     """The integrated autocorrelation time of residuals (W, L + 1) within windows, at least 1 (Sokal 1997)."""
     power = float((residual**2).sum()) / max(float(counted.sum()), 1.0)
     total = 1.0

@@ -105,7 +105,8 @@ def _set(
             for i, v in enumerate(spread(thetas, 1))
             if chain.actuation.acts(i)
         ]
-        _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
+        if len(thetas) > 1:
+            _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
     leaps = (
         even and chain.actuation.leaps and not chain.sensors.remember

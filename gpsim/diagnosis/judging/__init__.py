@@ -5,7 +5,7 @@ from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, pr
 from gpsim.diagnosis.judging.judges import RolloutJudge, judge_at
 from gpsim.diagnosis.judging.rollout_windows import rollouts_in
 from gpsim.diagnosis.judging.shares import draws
-from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, verdict_of
+from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, forms_of, verdict_of
 
 __all__ = [
     "SEED",
@@ -19,6 +19,7 @@ __all__ = [
     "doubts_of",
     "draws",
     "explained_by",
+    "forms_of",
     "judge_at",
     "odds_against",
     "probabilities_of",

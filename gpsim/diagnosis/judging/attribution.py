@@ -1,8 +1,9 @@
 """Attribution: how much of the mismatch the account explains, how much each effect is, and which of them are claims.
 
-A headline accounts for a twentieth of the mismatch and is needed: by evidence beyond doubt, or by a part of the mismatch
-that goes when it goes. So is an effect without which some channel's error grows fourfold in several blocks, however
-little that is of the whole: where the base is far off in one channel, shares of the whole say nothing of others.
+A headline accounts for a twentieth of the mismatch and is needed: by evidence beyond doubt, or by a part of the
+mismatch that goes when it goes. So is an effect without which some channel's error grows fourfold in several blocks,
+however little that is of the whole: where the base is far off in one channel, shares of the whole say nothing of
+others.
 """
 
 from __future__ import annotations
@@ -91,7 +92,15 @@ def attribute(
         together[list(group)] = parts[list(group), 0].sum()
     left, settings = 1.0 - float(overall[0]), problem.run.settings.verdict
     roles = tuple(
-        role_of(float(t), need, left, nats, _deciding(mismatch, whole, part), _growth(mismatch, whole, part), settings)
+        role_of(
+            float(t),
+            need,
+            left,
+            nats,
+            _deciding(mismatch, whole, part),
+            _growth(mismatch, whole, part),
+            settings,
+        )
         for t, need, nats, part in zip(together, needed, gains, less, strict=True)
     )
     return Attribution(explained, importance, needed, roles, judge, noise, squares)

@@ -34,13 +34,19 @@ class Judge(Protocol):
     """What an account is judged by. leaders: the account as it was learnt without each part of the data."""
 
     @property
-    def mismatch(self) -> Mismatch: ...
+    def mismatch(self) -> Mismatch:
+        """What there is to explain."""
+        ...
 
     @property
-    def leaders(self) -> tuple[Hypothesis, ...]: ...
+    def leaders(self) -> tuple[Hypothesis, ...]:
+        """The account, part by part."""
+        ...
 
     @property
-    def judged_on(self) -> JudgedOn: ...
+    def judged_on(self) -> JudgedOn:
+        """Which data judge."""
+        ...
 
     def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
         """(N, B, S) of N accounts, each one hypothesis for all parts or one a part."""
@@ -166,7 +172,7 @@ def sensor_noise(question: Question, leader: Fit) -> FloatArray:
 def _learnt_without(
     problem: Problem, leader: Fit, places: RolloutWindows, judged: Windows
 ) -> tuple[Hypothesis, ...]:
-    """The leader's laws with the values that the other parts of the recording say: one step from the whole (a jackknife)."""
+    """The leader's laws with the values that the other parts of the recording say, a step from the whole."""
     folds = int(places.fold.max(initial=0)) + 1
     if places.judged_on == "held-out rollouts" or not leader.hypothesis.parameters:
         return (leader.hypothesis,) * folds

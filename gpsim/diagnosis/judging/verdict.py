@@ -20,7 +20,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gpsim.diagnosis.judging.attribution import Attribution
 from gpsim.diagnosis.judging.judgement import Judgement, odds_against
-from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, Share, StepErrors, Verdict, no_size, sized
+from gpsim.diagnosis.report import (
+    BlackBox,
+    Doubt,
+    Estimate,
+    Form,
+    Role,
+    Share,
+    StepErrors,
+    Verdict,
+    no_size,
+    sized,
+)
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import Measured
 
@@ -32,7 +43,7 @@ IMPLAUSIBLE = 2.0  # times beyond the usual sizes: a headline so far out is not 
 
 def claimed(
     judgement: Judgement, attribution: Attribution, sizes: Sequence[Mapping[str, Estimate]]
-) -> tuple[str, ...]:
+) -> tuple[Role, ...]:
     """The roles, in which an effect of whose size nothing is known is no claim: another could stand for it."""
     terms = judgement.leader.hypothesis.terms
     return tuple(
@@ -87,6 +98,28 @@ def _doubts(
 LITTLE = (
     0.05  # of the mismatch: where less is left, what a black box makes of it is no reason to doubt a name
 )
+
+
+def forms_of(
+    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]]
+) -> tuple[Form, ...]:
+    """Whether laws hold: where a curve of their own input was asked for, and holds less than a tenth beside them.
+
+    asked: place and input of every curve that was.
+    """
+    terms, out = judgement.leader.hypothesis.terms, list[Form]()
+    for term in terms:
+        here = (term.on, term.effect.function_of)
+        beside = [
+            share.share
+            for other, share in zip(terms, attribution.importance, strict=True)
+            if isinstance(other.effect, Measured) and other.on == term.on and term is not other
+        ]
+        out.append("untested" if here not in asked else "approximate" if sum(beside) > DEPARTS else "holds")
+    return tuple(out)
+
+
+DEPARTS = 0.1  # of the mismatch, that a curve takes beside a law which then holds only approximately
 
 
 def curves_hold(judgement: Judgement, attribution: Attribution) -> float:
@@ -154,7 +187,7 @@ def beats_the_base(attribution: Attribution, one_step: Collection[StepErrors]) -
 
 def _low(errors: StepErrors) -> float:
     ratio = errors.after_over_before
-    return 0.0 if ratio is None else ratio.ratio if ratio.low is None else ratio.low
+    return 0.0 if ratio is None or ratio.low is None else ratio.low
 
 
 def _at_most(share: Share) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Account:
     def rows(self) -> list[slice]:
         """Of each law its coordinates."""
         ends = np.cumsum([0, *(len(group) for group in self.hypothesis.declared)])
-        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def sizes(self, index: int) -> IntArray:
         """The coordinates of a law at which it does nothing when they are 0."""
@@ -61,7 +62,9 @@ def bill(laws: Sequence[Law], effective: float, per_law: float) -> float:
 
 def price(law: Law, effective: float, per_law: float) -> float:
     """Nats that one law must bring."""
-    return 0.5 * law.parameters * np.log(max(effective, 2.0)) + (0.0 if law.free else per_law) + law.price
+    return (
+        float(0.5 * law.parameters * np.log(max(effective, 2.0))) + (0.0 if law.free else per_law) + law.price
+    )
 
 
 @dataclass(frozen=True)

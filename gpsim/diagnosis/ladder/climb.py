@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, whiteness
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
-from gpsim.diagnosis.ladder.curves import curved
+from gpsim.diagnosis.ladder.curves import beside, curved, inputs
 from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
@@ -26,7 +26,7 @@ from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.ladder.telling import told
 from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import closed
+from gpsim.effects import EffectParameter, Measured, Term, closed
 
 FINER = 4  # times as many substeps as the search takes, on which what is left is judged
 FINISH = 10  # rounds of the last fit
@@ -39,25 +39,29 @@ Step = Callable[[str, int, str], None]
 
 @dataclass(frozen=True)
 class Climbed:
-    """What a climb found: the question as it was asked in the end, the judgement, and the curves of its account."""
+    """What a climb found.
+
+    question: as it was asked in the end; curves: of the account; asked: place and input of every curve that was tried.
+    """
 
     question: Question
     judgement: Judgement
     curves: Mapping[tuple[str, str, str], MeasuredCurve]
+    asked: frozenset[tuple[str, str]]
 
 
 def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     """All rungs; raises nothing: where nothing pays, nothing is missing."""
     run = question.run
     known, simulator = run.known, question.everything.simulator
-    laws = laws_of(simulator, offers, run.settings.laws, known)
+    every = laws_of(simulator, offers, run.settings.laws, known)
 
     step("rung 1", 10, "fitting all that is usual at once")
-    search = _usual_machine(question, laws)
+    search = _usual_machine(question, every)
     pushed = without_pushes(question, search)
     if pushed is not None:
         question = pushed
-        search = _usual_machine(question, laws)
+        search = _usual_machine(question, every)
     step("rung 1", 30, "asking what could stand in for each law")
     search.swap()
     step("rung 2", 45, "looking for what is unusual")
@@ -70,10 +74,14 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     search.judge_held_out()
     step("rung 2", 65, "asking each recording")
     with_own_values(search)
+    laws = search.account
     step("rung 3", 70, "asking for measured curves")
     curves = curved(search, offers)
     step("account", 75, "fitting the account on all windows")
-    return Climbed(*_finished(question, search), curves)
+    asked = (
+        frozenset(one.of for one in inputs(simulator, offers)) if run.settings.curves.most else frozenset()
+    )
+    return Climbed(*_finished(question, search, laws), curves, asked)
 
 
 def _usual_machine(question: Question, laws: list[Law]) -> Search:
@@ -99,19 +107,27 @@ def _finer(search: Search) -> None:
     search.tried.clear()
 
 
-def _finished(question: Question, search: Search) -> tuple[Question, Judgement]:
-    """The account on all windows, in the catalogue's words; the base beside it, and what else was tried."""
+def _finished(question: Question, search: Search, laws: Account) -> tuple[Question, Judgement]:
+    """The account on all windows, in the catalogue's words; the base beside it, and what else was tried.
+
+    laws: the account without its curves, which stand on top of them as they are.
+    """
     everything = replace(question.everything, substeps=search.shooting.problem.substeps)
     question = replace(
         question, everything=everything, held_out=replace(question.held_out, substeps=everything.substeps)
     )
-    hypothesis = trimmed(told(search.account), everything)
+    hypothesis = trimmed(told(laws), everything)
     leader = fit(everything, hypothesis, rounds=FINISH)
+    for term, declared in _curves_of(search.account, laws):
+        alone = leader.hypothesis.frozen().plus(term, declared)
+        leader = beside(leader, fit(everything, alone, leader.starts, WITHOUT, leader.noise), declared)
+    hypothesis = leader.hypothesis
     null = fit(everything, Hypothesis(scheme=hypothesis.scheme), rounds=WITHOUT, noise=leader.noise)
     without = _without(everything, leader)
     p_value, _ = whiteness(everything, leader)
     least = BY_CHANCE if hypothesis.terms else UNNAMED
-    left = _left(everything, leader)
+    left = unexplained(everything, leader)
+    search.account = laws
     ranking = _ranking(search, leader.hypothesis)
     rivals = rivals_among(ranking[1:], leader.hypothesis, question.run.settings.verdict)
     fits = tuple(fit(everything, r.hypothesis, leader.starts, WITHOUT, leader.noise) for r in rivals)
@@ -130,12 +146,10 @@ def _finished(question: Question, search: Search) -> tuple[Question, Judgement]:
     return question, judgement
 
 
-def _left(problem: Problem, leader: Fit) -> float:
-    """Nats beyond the known noise."""
-    noise = leader.noise
-    counts = (noise.weights > 0).sum(axis=(0, 1))
-    known = 0.5 * float((counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum())
-    return float(leader.costs.sum()) - 1.1 * known
+def _curves_of(whole: Account, laws: Account) -> list[tuple[Term, tuple[EffectParameter, ...]]]:
+    """Terms and parameters of an account's curves."""
+    both = zip(whole.hypothesis.terms, whole.hypothesis.declared, strict=True)
+    return list(both)[len(laws.laws) :]
 
 
 def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
@@ -145,10 +159,17 @@ def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
     around = Quadratic(whole)
     for i in range(len(leader.hypothesis.terms)):
         adapted = placed(leader.hypothesis, around.without([i]))
-        plain = leader.hypothesis
-        points = [shooting.at(h.without(i), leader.starts) for h in (adapted, plain)]
+        points = [
+            shooting.at(_with_held_curves(h.without(i)), leader.starts) for h in (adapted, leader.hypothesis)
+        ]
         out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
     return tuple(out)
+
+
+def _with_held_curves(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis whose curves stand as they are."""
+    both = zip(hypothesis.terms, hypothesis.declared, strict=True)
+    return replace(hypothesis, declared=tuple(() if isinstance(t.effect, Measured) else d for t, d in both))
 
 
 def _ranking(search: Search, leader: Hypothesis) -> list[Tried]:

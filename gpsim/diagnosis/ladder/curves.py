@@ -1,26 +1,26 @@
 """Rung 3: a measured curve of one input, on top of the laws that stand.
 
 A curve is asked for where laws leave a hundredth of the mismatch and more. Of every input the heights at a few knots
-are fitted by lines (penalised splines of the first degree: Eilers and Marx 1996), all laws and start states following;
-the input that takes most of what is left is fitted exactly. A curve never takes the place of a law: it says what laws
+are fitted by lines (penalised splines of the first degree: Eilers and Marx 1996) while all laws stand as they are; the
+input that takes most of what is left is fitted exactly. A curve never takes the place of a law: it says what laws
 leave, over the range that was visited, and its share of the mismatch decides what the account may be called.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem
 from gpsim.diagnosis.ladder.account import Account
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Lines
 from gpsim.diagnosis.ladder.search import SETTLE, Search
 from gpsim.diagnosis.report import MeasuredCurve
-from gpsim.effects import Place, Shape, Term, effect_of
+from gpsim.effects import EffectParameter, Place, Shape, Term, effect_of
 from gpsim.simulators import Simulator
 
 OUTER = 0.01  # quantile of what was visited, at which the outer knots stand
@@ -44,18 +44,23 @@ class Input:
     unit: str
 
     @property
+    def of(self) -> tuple[str, str]:
+        """Where it acts, and of what it is a function."""
+        return self.on, {"position": "position", "": "command"}.get(self.variant, "speed")
+
+    @property
     def place(self) -> Place:
         """Where it acts."""
         return Place(self.on, self.unit, span=self.size)
 
 
 def inputs(simulator: Simulator, offers: list[Candidate]) -> Iterator[Input]:
-    """Every curve of one input: forces of speed and position, what commands deliver."""
+    """Every curve of one input: forces of speed and position, friction of speed, what commands deliver."""
     names = [*simulator.state.names, *simulator.action.names]
     spans = {c.place.on: c.place.span for c in offers if effect_of(c.family).site in ("force", "actuator")}
     for c in simulator.coordinates:
         if c.name in spans:
-            for variant, of in (("speed", c.velocity), ("position", c.name)):
+            for variant, of in (("speed", c.velocity), ("position", c.name), ("friction", c.velocity)):
                 unit = c.force_unit
                 yield Input(
                     "force_curve", c.name, variant, names.index(of), spans[c.name], f"force on {c.name}", unit
@@ -85,18 +90,19 @@ def curved(search: Search, offers: list[Candidate]) -> dict[tuple[str, str, str]
         left = search.left()
         if left <= max(settings.leaves * search.missing(), search.numbers.rare):
             return found
-        tried = [t for one in every if (t := _lined(search, one, settings.knots)) is not None]
+        dry = {t.on for t in search.account.hypothesis.terms if t.family == "coulomb_friction"}
+        asked = [one for one in every if one.variant != "friction" or one.on in dry]
+        tried = [t for one in asked if (t := _lined(search, one, settings.knots)) is not None]
         tried.sort(key=lambda t: -t[0])
-        if not tried or tried[0][0] < settings.takes * left:
+        if not tried or tried[0][0] <= 0.0:
             return found
         _, one, heights, knots, freedom, band = tried[0]
         account = _fitted(search, one, knots, heights, freedom)
-        gain = search.score(search.account) - search.score(account)
-        if gain < settings.takes * left:
+        gain = search.account.fit.cost - account.fit.cost
+        if gain < max(settings.takes * left, _price(search, freedom)):
             return found
         search.say("a measured curve", True, f"{one.quantity} of {search.channel(one.column)}", gain=gain)
         search.account = account
-        search.tell_noise()
         found[one.family, one.on, one.variant] = _told(problem, one, account.hypothesis.terms[-1], band)
         every = [e for e in every if e is not one]
     return found
@@ -121,11 +127,16 @@ def _lined(
     columns = _columns(search, one, places, np.zeros(len(places)))
     if columns is None:
         return None
-    lines = Lines(search.shooting.slopes(point), point)
+    held = replace(point, hypothesis=point.hypothesis.frozen(), z=np.empty(0))
+    lines = Lines(search.shooting.slopes(point, parameters=False), held)
     penalty = _penalty(places, one.size)
     gain, heights, freedom, deviation = lines.heights(columns, penalty)
-    price = 0.5 * freedom * np.log(max(search.shooting.noise.effective, 2.0)) + search.numbers.rare
-    return gain - price, one, heights, places, freedom, deviation
+    return gain - _price(search, freedom), one, heights, places, freedom, deviation
+
+
+def _price(search: Search, freedom: float) -> float:
+    """Nats that a curve of so many effective parameters must bring."""
+    return float(0.5 * freedom * np.log(max(search.shooting.noise.effective, 2.0)) + search.numbers.rare)
 
 
 def _penalty(places: FloatArray, size: float) -> FloatArray:
@@ -167,8 +178,26 @@ def _fitted(search: Search, one: Input, places: FloatArray, heights: FloatArray,
     law = Law(
         candidate, False, search.numbers.rare, fixed={k: v for k, v in term.values.items() if k != "scale"}
     )
-    hypothesis: Hypothesis = search.account.hypothesis.plus(term, declared)
-    return search.fitted((*search.account.laws, law), hypothesis, search.account.fit.starts, SETTLE)
+    account = search.account
+    hypothesis: Hypothesis = account.hypothesis.frozen().plus(term, declared)
+    found = search.fitted((law,), hypothesis, account.fit.starts, SETTLE).fit
+    return Account((*account.laws, law), beside(account.fit, found, declared))
+
+
+def beside(laws: Fit, found: Fit, declared: tuple[EffectParameter, ...]) -> Fit:
+    """The fit of laws with a curve on top, whose scale alone was fitted: what is known of the laws is theirs."""
+    p, windows = len(laws.z), len(laws.starts)
+    by_window = np.zeros((windows, p + 1, p + 1))
+    by_window[:, :p, :p], by_window[:, p:, p:] = laws.by_window, found.by_window
+    hypothesis = laws.hypothesis.plus(found.hypothesis.terms[-1], declared)
+    return replace(
+        found,
+        hypothesis=hypothesis,
+        z=np.concatenate([laws.z, found.z]),
+        prior=laws.prior + found.prior,
+        by_window=by_window,
+        gradients=np.concatenate([laws.gradients, found.gradients], axis=1),
+    )
 
 
 def _told(problem: Problem, one: Input, term: Term, deviation: FloatArray) -> MeasuredCurve:

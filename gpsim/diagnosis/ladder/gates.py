@@ -70,7 +70,7 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
             continue
         values, step = _values(account, law, stands, search)
         parts = [] if stands is None else [stands]
-        laws, plain = account.without(parts)
+        _, plain = account.without(parts)
         for gate in _gates(shooting.problem, law):
             term = replace(law.term(values), gate=gate)
             hypothesis = plain.plus(term, law.candidate.declared)

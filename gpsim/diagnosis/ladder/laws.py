@@ -212,7 +212,7 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
             )
             for row in rows
         )
-    out = [(v,) for v in first.starts]
+    out: list[tuple[float, ...]] = [(v,) for v in first.starts]
     for p in candidate.declared[1:]:
         out = [(*row, v) for row in out for v in p.starts]
     return tuple(out)

@@ -1,7 +1,7 @@
 """Offers: what an absent law would gain, by lines around a fit, all other laws and start states following.
 
-A law that has a slope where it does nothing is a column; one that jumps is tried at several starts. Lines foretell gains
-well near a fit and mislead far from one, so that an offer orders what is fitted and decides nothing.
+A law that has a slope where it does nothing is a column; one that jumps is tried at several starts. Lines foretell
+gains well near a fit and mislead far from one, so that an offer orders what is fitted and decides nothing.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Offers:
         copies = np.tile(self._fit.starts, (len(thetas), 1, 1))
         left = self._shooting.residuals(hypotheses[0], thetas, copies) * self._shooting.noise.whitening
         left = np.nan_to_num(left, nan=RAN_AWAY).reshape(len(thetas), *self.slopes.r.shape)
-        return np.moveaxis(left - self.slopes.r, 0, 2)
+        return np.asarray(np.moveaxis(left - self.slopes.r, 0, 2))
 
     def _smooth(self, law: Law, lines: Lines) -> Offer:
         own = coordinates(law.candidate.declared)
@@ -97,7 +97,7 @@ def nudged(law: Law) -> tuple[float, list[float]]:
     step = float(step_sizes(alone, own)[first])
     step = -step if z[first] + step > own.high[first] else step
     z[first] += step
-    return step, own.natural(z).tolist()
+    return step, [float(v) for v in own.natural(z)]
 
 
 def column(shooting: Shooting, fit: Fit, law: Law) -> FloatArray:
@@ -106,7 +106,7 @@ def column(shooting: Shooting, fit: Fit, law: Law) -> FloatArray:
     hypothesis = fit.hypothesis.plus(law.term(values), law.candidate.declared)
     moved = shooting.residuals(hypothesis, hypothesis.theta[None], fit.starts[None])[0]
     white = (fit.residuals - moved) * shooting.noise.whitening / step
-    return np.nan_to_num(white).reshape(len(fit.starts), -1, 1)
+    return np.asarray(np.nan_to_num(white).reshape(len(fit.starts), -1, 1))
 
 
 class Lines:

@@ -1,7 +1,7 @@
 """Several recordings of one machine: values that are one recording's own.
 
-All recordings share a law's values until one of them insists on its own: a payload, a worn tyre, a marker glued on anew.
-Own values are parameters more, priced as all are; the law itself is known already, so nothing else is to be paid.
+All recordings share a law's values until one of them insists on its own: a payload, a worn tyre, a marker glued on
+anew. Own values are parameters more, priced as all are; the law itself is known already, so nothing else is to be paid.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def with_own_values(search: Search) -> None:
 def _score(search: Search, account: Account) -> float:
     """What the account costs, its own values paid."""
     spare = len(account.hypothesis.parameters) - sum(len(law.candidate.declared) for law in account.laws)
-    return search.score(account) + 0.5 * spare * np.log(max(search.shooting.noise.effective, 2.0))
+    return search.score(account) + float(0.5 * spare * np.log(max(search.shooting.noise.effective, 2.0)))
 
 
 def _promising(search: Search, account: Account, sources: list[int]) -> list[tuple[int, int]]:

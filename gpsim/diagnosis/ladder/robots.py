@@ -4,8 +4,7 @@ Recorded motion says what forces the believed model takes for it. What drives gi
 joint's viscous and dry friction, rotor and offset, in masses, and in one over a motor's gain (Gautier and Poignet 2001,
 Control Engineering Practice 9(12)). Both sides are compared below one frequency, after the same filter without phase
 (Gautier, Janot and Vandanjon 2013, IEEE Transactions on Control Systems Technology 21(2)). Which frequency, how late
-commands come, and whether motors, servos or a body are off, short simulations decide. Starts come of it, no verdict:
-it looks at the whole recording.
+commands come, and whether motors, servos or a mass are off, short simulations decide. Only starts come of it.
 """
 
 from __future__ import annotations
@@ -16,37 +15,34 @@ from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
 from gpsim.effects import ClosedStep, Term, closed
 from gpsim.recordings import Episode, Recording, evenly
 
 BANDS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8)  # of the Nyquist frequency, below which motion is kept
-NARROWER = 1.5  # times lower is the frequency below which forces are compared: no filter's edge is sharp
-ORDER = 3  # of the filter (Butterworth), as if applied forwards and backwards
-FINE = 8.0  # samples a period of the band at least: the sign of a speed jumps
-GAP = 5.0  # samples that are missing, behind which a recording begins anew
-LONGEST, PIECE, SHORTEST = 20_000, 2_000, 60  # samples that are looked at, in evenly spread pieces of so many
-FEWEST, PUSHED = 40, 0.02  # rows, below which nothing is told; share of a row, beyond which something else pushed
+NARROWER, ORDER = 1.5, 3  # times lower are forces compared, no edge being sharp; of the filter (Butterworth)
+FINE, GAP = 8.0, 5.0  # samples: a period of the band, at least; missing ones, behind which a piece ends
+LONGEST, PIECE, SHORTEST = 12_000, 1_500, 60  # samples that are looked at, in evenly spread pieces of so many
+FEWEST, PUSHED = 40, 0.02  # rows, of which there must be so many; share of one in which something pushes
 TURNS = 0.05  # of a joint's usual speed, within which dry friction is taken to turn round
 STICKS = 0.15  # what a row counts while its joint hardly moves: nobody knows how much friction holds it
 HOLDS = 0.95  # quantile of the forces on a joint that stands, which friction holds at least
 BLOCKS, ROUNDS = 16, 4  # of rows, each left out once; of weights by what is left at each joint
-WINDOWS, SOUND = 30, 0.9  # that are simulated to compare, and which part of them counts: the best ones
+WINDOWS, WORST = 30, 2.0  # that are simulated to compare; times what the base misses, one at most
 STEP, LATEST = 0.005, 0.15  # s, in which delays are scanned, and the longest one
 NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (what is wrong with rows is alike); for a delay, beside BIC
-STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)
-"""Of what is believed of servos' gains: where it is looked for, and about the best of these and what is believed."""
-ALIKE, SLIGHT = 0.98, 0.01  # of the best error, and of the base's: as good; start states are as noisy as they were read
+STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)  # of servos' gains, and of the best of these
+ALIKE = 0.015  # of the base's error, beside one standard error: as good as the best
 BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usual, by other motors or bodies
-PARTED = 0.5  # of a prior's deviation, above which the log does not tell a row from nothing
-ROUGHLY = 0.3  # of a size that no blocks size, its deviation
-GAIN, LATE, MASS, STIFF, DRY = "actuator_gain", "actuator_delay", ".mass", ".kp", "coulomb_friction"
-ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, "constant_force": 1.0}
+PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
+GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
+DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
+ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
-WIDEST = (-0.75, 3.0)  # of what a gain or a mass is believed to be, the most that it is off
-Where = tuple[str, str]
+WIDEST, MOSTLY = (-0.75, 3.0), 0.9  # the most that gains and masses are off; of what else a model has
+Offers = Sequence[Candidate]
 
 
 @dataclass(frozen=True)
@@ -56,15 +52,13 @@ class Sized:
     delay: s, by how much all commands come late; share: of the squared force residual that the rows take off.
     """
 
-    values: Mapping[Where, tuple[float, ...]]
-    deviations: Mapping[Where, tuple[float, ...]]
+    values: Mapping[tuple[str, str], tuple[float, ...]]
+    deviations: Mapping[tuple[str, str], tuple[float, ...]]
     delay: float
     share: float
 
 
-def by_inverse_dynamics(
-    problem: Problem, recording: Recording, candidates: Sequence[Candidate]
-) -> Sized | None:
+def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offers) -> Sized | None:
     """The usual rows of a simulator that owns its integration, sized by the forces of the whole recording.
 
     None where they say nothing: a body floats, too little was recorded, or something pushes all the time.
@@ -72,57 +66,64 @@ def by_inverse_dynamics(
     simulator, system = problem.simulator, closed(problem.simulator)
     if system is None or not simulator.coordinates or len(simulator.state) != 2 * len(simulator.coordinates):
         return None
-    log = _Log(problem, system, recording, [c for c in candidates if not c.variant])
+    log = _Log(problem, system, recording, candidates)
     bands = [band / 2.0 / recording.dt for band in BANDS] if log.rows and log.pieces else []
     every = [forces for band in bands if (forces := _Forces(log, band)).told >= FEWEST]
     if not every:
         return None
-    trials, fits = _Trials(problem), [forces.fitted() for forces in every]
-    best = trials.surest(fits)
+    trials = _Trials(log)
+    best = trials.surest(fits := [forces.fitted() for forces in every])
     for joint in range(len(simulator.coordinates)):
         best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
-    fits = [fit.holding(best.held) for fit in fits]
-    best = trials.surest(fits)
+    best = trials.surest(fits := [fit.holding(best.held) for fit in fits])
     for ratios in STIFFNESS if log.servos else ():
-        stiffer = [best.forces.of_servos(best.forces.stiff * ratio).fitted() for ratio in ratios]
+        stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
-    late = best.forces.late()
-    if late > 0.0:
+    if (late := best.forces.late()) > 0.0:
         best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
-    others = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
-    best = trials.better(best, others, SURELY)
-    return (best if best in fits else trials.surest([best.again(forces) for forces in every])).sized
+    more = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
+    if (best := trials.better(best, more, SURELY)) not in fits:
+        best = trials.surest([best.again(forces) for forces in every])
+    values, deviations = ({on: (v[i],) for on, v in best.values.items()} for i in (0, 1))
+    return Sized(values, deviations, best.late, 1.0 - float((best.left / best.was).mean()))
 
 
 class _Trials:
     """Short simulations: how far they miss measured positions, in what the base misses."""
 
-    def __init__(self, problem: Problem) -> None:
-        windows, state = problem.windows, problem.simulator.state
-        self._problem = problem.slopes.on(windows.take(evenly(len(windows), WINDOWS)))
-        at = [state.index(c.name) for c in problem.simulator.coordinates]
-        self._seen = [i for i in at if problem.observed[i]]
-        self._usual = self._missed(Hypothesis()).mean(axis=0) + 1e-24
-        self._errors = dict[_Fit, float]()
+    def __init__(self, log: _Log) -> None:
+        problem, every = log.problem.slopes, log.problem.windows
+        self._problem, self._candidates = problem.on(every.take(evenly(len(every), WINDOWS))), log.candidates
+        self._seen = [i for i in log.at if problem.observed[i]]
+        self._usual, self._errors = self._missed({}).mean(axis=0) + 1e-24, dict[_Fit, FloatArray]()
 
-    def _missed(self, hypothesis: Hypothesis) -> FloatArray:
-        """(W, Q) mean squares."""
+    def _missed(self, values: Mapping[tuple[str, str], tuple[float, ...]]) -> FloatArray:
+        """(W, Q) mean squares of positions, with what candidates have these values."""
+        all_of_it = Hypothesis()
+        for c in self._candidates:
+            if (value := values.get(c.identity, (c.declared[0].none,))[0]) != c.declared[0].none:
+                all_of_it = all_of_it.plus(c.term((value,)), c.declared)
         starts = self._problem.windows.measured[None, :, 0]
-        left = self._problem.residuals(hypothesis, hypothesis.theta[None], starts)[0][:, :, self._seen]
+        left = self._problem.residuals(all_of_it, all_of_it.theta[None], starts)[0][:, :, self._seen]
         return np.asarray((np.clip(np.nan_to_num(left, nan=3.0), -3.0, 3.0) ** 2).mean(axis=1))
 
-    def error(self, fit: _Fit) -> float:
-        """The mean over usual windows and all positions."""
+    def each(self, fit: _Fit) -> FloatArray:
+        """(W,) the mean over all positions."""
         if fit not in self._errors:
-            each = np.sort(np.sqrt(self._missed(fit.hypothesis) / self._usual).mean(axis=1))
-            self._errors[fit] = float(each[: max(int(SOUND * len(each)), 1)].mean())
+            share = self._missed(fit.values) / self._usual
+            self._errors[fit] = np.minimum(np.sqrt(share).mean(axis=1), WORST)
         return self._errors[fit]
+
+    def error(self, fit: _Fit) -> float:
+        """The mean over windows."""
+        return float(self.each(fit).mean())
 
     def surest(self, fits: Sequence[_Fit]) -> _Fit:
         """Of those that are as good as the best the one that is least uncertain: bands differ in noise and in news."""
-        enough = SLIGHT + min(self.error(fit) for fit in fits) / ALIKE
-        good = [fit for fit in fits if self.error(fit) <= enough]
-        return good[int(np.argmin([np.median(np.log(fit.deviations)) for fit in good]))]
+        best = self.each(min(fits, key=self.error))
+        more = [self.each(fit) - best for fit in fits]
+        good = [fit for fit, e in zip(fits, more, strict=True) if e.mean() <= ALIKE + e.std() / len(e) ** 0.5]
+        return min(good, key=lambda fit: float(np.median(np.log(fit.deviations))))
 
     def better(self, fit: _Fit, others: Sequence[_Fit], share: float) -> _Fit:
         """The best of the others, where it misses less than this share of what the first one misses."""
@@ -144,34 +145,32 @@ class _Row:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of its size; what the model has of friction and rotors is never all of it wrong, or light links would whirl."""
+        """Of its size."""
         p = self.candidate.declared[0]
-        return WIDEST if self.kind in OFF else (p.low if self.kind == "constant_force" else 0.9 * p.low, p.high)
+        return WIDEST if self.kind in OFF else (MOSTLY * p.low, p.high)
 
 
 class _Log:
     """A recording in pieces on an even clock, and what may be asked of it.
 
-    at: (C,) columns of positions, and of speeds; rows: friction, rotors and offsets of joints whose position was
-    measured; kinds: what may be off beside them, one at a time: all motors' gains, or a body's mass (of servos neither:
-    what they give has no other measure than the believed bodies); dry: (C,) the model's own dry friction, and terms that
-    take it away, since a motion says what it is and not a state; pieces: episodes, moments (N,), positions (N, C) then.
+    at, speeds: (C,) columns; rows: friction, rotors and offsets of joints whose position was measured; kinds: what else
+    may be off, one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than
+    bodies); dry: (C,) the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, C).
     """
 
-    def __init__(
-        self, problem: Problem, system: ClosedStep, recording: Recording, candidates: Sequence[Candidate]
-    ) -> None:
-        self.problem, self.system, self.dt, self.candidates = problem, system, recording.dt, candidates
-        state, coordinates = problem.simulator.state, problem.simulator.coordinates
-        self.at = np.array([state.index(c.name) for c in coordinates])
-        self.speeds = np.array([state.index(c.velocity) for c in coordinates])
-        joints = {c.name: i for i, c in enumerate(coordinates)}
-        seen = {name for name, i in joints.items() if problem.observed[self.at[i]]}
-        self.rows = [_Row(c, joints[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
+    def __init__(self, problem: Problem, system: ClosedStep, recording: Recording, offers: Offers) -> None:
+        self.problem, self.system, self.dt = problem, system, recording.dt
+        self.candidates = candidates = [c for c in offers if not c.variant]
+        index, coordinates = problem.simulator.state.index, problem.simulator.coordinates
+        self.at = np.array([index(c.name) for c in coordinates])
+        self.speeds = np.array([index(c.velocity) for c in coordinates])
+        seen = {c.name: i for i, c in enumerate(coordinates) if problem.observed[self.at[i]]}
+        self.rows = [_Row(c, seen[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
         self.late = [c for c in candidates if c.family == LATE]
         self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
         drives: Mapping[str, str] = getattr(problem.simulator, "drives", {})
-        alone = {a: joints[on] for a, on in drives.items() if on in joints and [*drives.values()].count(on) == 1}
+        driven = [*drives.values()]
+        alone = {a: seen[on] for a, on in drives.items() if on in seen and driven.count(on) == 1}
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         self.kinds = [] if self.servos else [motors, *masses] if motors else masses
@@ -180,13 +179,15 @@ class _Log:
         self.dry[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
         self.without_dry = [r.candidate.term((-r.candidate.place.friction,)) for r in own]
         pieces = [piece for episode in recording.episodes for piece in self._pieces(episode)]
-        self.pieces = [pieces[i] for i in evenly(len(pieces), LONGEST // PIECE)]
+        share = LONGEST / max(sum(len(t) for _, t, _ in pieces), 1)
+        self.pieces = [pieces[i] for i in evenly(len(pieces), max(int(share * len(pieces)), 1))]
 
     def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
         wraps, found = np.array(self.problem.simulator.state.wraps)[self.at], []
-        good = np.flatnonzero(np.ones(len(e.t)) if e.weights is None else e.weights[:, self.at].min(axis=1) > 0)
+        weights = np.ones_like(e.states) if e.weights is None else e.weights
+        good = np.flatnonzero(weights[:, self.at].min(axis=1) > 0)
         for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * self.dt) + 1):
             if len(run) >= SHORTEST:
                 q = e.states[run][:, self.at]
@@ -200,49 +201,43 @@ class _Forces:
     """Forces below a frequency [Hz], as servos of so many times the believed stiffness give them.
 
     motion: (3, N, C) positions, speeds and accelerations; way: (N, C) which way joints go, -1 to 1; counts: (K, C) what
-    a row counts at a joint: little where that hardly moves, nothing where something else pushes it; told: rows of the
-    joint that has most.
+    a row counts at a joint, little where that hardly moves, nothing where something pushes it; told: rows at most.
     """
 
     def __init__(self, log: _Log, band: float, stiff: float = 1.0) -> None:
         self.log, self.band, self.stiff = log, band, stiff
         every = max(int(1.0 / (FINE * band * log.dt)), 1)
         self.dt, self._moments = every * log.dt, [(e, t[::every]) for e, t, _ in log.pieces]
-        self.motion = np.concatenate([_below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces], axis=1)
+        moved = [_below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces]
+        self.motion = np.concatenate(moved, axis=1)
         self.states = np.empty((self.motion.shape[1], len(log.problem.simulator.state)))
         self.states[:, log.at], self.states[:, log.speeds] = self.motion[:2]
-        self.way = np.tanh(self.motion[1] / (TURNS * self.motion[1].std(axis=0) + 1e-12))
+        noise = 2.0 * np.pi * band * np.sqrt(2.0 / 3.0 * band * log.dt) * log.problem.floor[log.at]
+        self.way = np.tanh(self.motion[1] / np.maximum(TURNS * self.motion[1].std(axis=0), noise))
         moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
         pushed = np.abs(self._heard(log.system.hindered(self.states).astype(np.float64))) > PUSHED
         self.counts = np.where(pushed, 0.0, np.where(moves, 1.0, STICKS))
-        self.told = int((self.counts > 0).sum(axis=0).max())
-
-    def of_servos(self, stiff: float) -> _Forces:
-        """The same of servos of another stiffness."""
-        return _Forces(self.log, self.band, stiff)
+        self.told, self._given = int((self.counts > 0).sum(axis=0).max()), dict[float, FloatArray]()
 
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
         out = []
         for e, t in self._moments:
-            middle = (e.t[1:] + e.t[:-1]) / 2.0
-            out.append(np.reshape([np.interp(t - late, middle, given) for given in e.actions.T], (-1, len(t))).T)
+            given = [np.interp(t - late, (e.t[1:] + e.t[:-1]) / 2.0, u) for u in e.actions.T]
+            out.append(np.reshape(given, (-1, len(t))).T)
         return np.concatenate(out)
 
     def _lacking(self, commands: FloatArray, *terms: Term) -> FloatArray:
         """(K, C): what the motion takes beyond what the model, with these terms, is given."""
         log, parameters = self.log, dict(self.log.problem.parameters)
         parameters |= {c.place.on: self.stiff * parameters[c.place.on] for c in log.servos}
-        every = [*log.without_dry, *terms]
-        lacks = log.system.lacking_force(self.states, commands, self.motion[2], parameters, every)
-        return self._heard(np.nan_to_num(lacks, posinf=0.0, neginf=0.0) + log.dry * self.way)
+        moved, every = (self.states, commands, self.motion[2]), [*log.without_dry, *terms]
+        lacks = np.nan_to_num(log.system.lacking_force(*moved, parameters, every), posinf=0.0, neginf=0.0)
+        return self._heard(lacks + log.dry * self.way)
 
     def _heard(self, force: FloatArray, plain: bool = False) -> FloatArray:
-        """(K, ...): forces (N, ...) below the lower frequency, or as they are, at rows that tell something new.
-
-        None of those are where a filter has not settled.
-        """
-        period, out = 1.0 / self.band / self.dt, []
+        """(K, ...): forces (N, ...) below the lower frequency, or as they are, at rows that are new and settled."""
+        out, period = [], 1.0 / self.band / self.dt
         edge, step = int(period) + 1, max(int(period * NARROWER / 4.0), 1)
         for part in np.split(force, np.cumsum([len(t) for _, t in self._moments])[:-1]):
             low = part if plain else _below(self.band / NARROWER, part, self.dt)[0]
@@ -254,14 +249,11 @@ class _Forces:
         """(K, C): what the model takes for the motion where nothing is commanded."""
         return self._lacking(0.0 * self.commands(0.0))
 
-    @cached_property
-    def at_once(self) -> FloatArray:
-        """(K, C): what drives give beyond what the model takes, where commands come at once."""
-        return -self._lacking(self.commands(0.0))
-
     def gives(self, late: float) -> FloatArray:
-        """(K, C): the same where they come so late."""
-        return -self._lacking(self.commands(late)) if late else self.at_once
+        """(K, C): what drives give beyond what the model takes, where commands come so late."""
+        if late not in self._given:
+            self._given[late] = -self._lacking(self.commands(late))
+        return self._given[late]
 
     @cached_property
     def of_rows(self) -> FloatArray:
@@ -283,16 +275,11 @@ class _Forces:
         mass = row.candidate.term((1.0 + OFF[MASS],))
         return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
 
-    @cached_property
     def prior(self) -> FloatArray:
         """(R,) deviations of rows' sizes a priori."""
-        some, rows = self.counts > 0, self.log.rows
-        both = [(f**2 * some).sum(axis=0) for f in (self.takes, self.takes + self.at_once)]
-        usual = np.sqrt(np.maximum(*both) / np.maximum(some.sum(axis=0), 1))
-        for row in (r for r in rows if r.kind == DRY):
-            usual[row.joint] = max(usual[row.joint], 5.0 * row.candidate.declared[0].scale)
-        moved = np.sqrt((self.of_rows**2).mean(axis=(0, 1)) * len(usual)) + 1e-12
-        return np.array([ROWS[r.kind] * usual[r.joint] for r in rows]) / moved
+        usual = {r.joint: USUAL * r.candidate.declared[0].scale for r in self.log.rows if r.kind == PUSH}
+        moved = np.sqrt((self.of_rows**2).sum(axis=1).mean(axis=0)) + 1e-12
+        return np.asarray([ROWS[r.kind] * usual.get(r.joint, 1.0) for r in self.log.rows] / moved)
 
     def late(self) -> float:
         """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
@@ -310,21 +297,19 @@ class _Forces:
         """Rows and what else may be off, by least squares."""
         further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
         a = np.concatenate([self.of_rows, *(self.of(row, late)[:, :, None] for row in further)], axis=2)
-        prior = np.array([*self.prior, *(OFF[row.kind] for row in further)])
+        prior = np.array([*self.prior(), *(OFF[row.kind] for row in further)])
         rows = [*self.log.rows, *further]
-        low, high = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
-        return _Fit(self, late, rows, *_least_squares(a, self.gives(late), self.counts, prior, low, high))
+        bounds = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
+        sizes, sd, told, was, left = _least_squares(a, self.gives(late), self.counts, prior, bounds)
+        return _Fit(self, late + float(sizes[-1]) if late > 0.0 else 0.0, rows, sizes, sd, told, was, left)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Rows' sizes, their deviations, whether the log tells of them (P,); mean squares at joints before and after (C,).
-
-    begun: s, how late commands were taken to come; held: joints that friction holds.
-    """
+    """Sizes, deviations and whether rows are told (P,); mean squares at joints (C,); joints that friction holds."""
 
     forces: _Forces
-    begun: float
+    late: float
     rows: list[_Row]
     sizes: FloatArray
     deviations: FloatArray
@@ -334,33 +319,32 @@ class _Fit:
     held: tuple[int, ...] = ()
 
     def holding(self, joints: Sequence[int]) -> _Fit:
-        """The same with as much dry friction as holds joints that mostly stand: of that, forces tell but a limit."""
-        forces, sizes, deviations, held = self.forces, self.sizes.copy(), self.deviations.copy(), []
+        """The same with as much dry friction as holds joints that mostly stand: nothing else of them shows."""
+        forces, held = self.forces, list[int]()
+        sizes, deviations, told = self.sizes.copy(), self.deviations.copy(), self.told.copy()
         for i, row in enumerate(self.rows):
-            stands, counted = forces.counts[:, row.joint] == STICKS, forces.counts[:, row.joint] > 0
-            if row.kind == DRY and row.joint in joints and 2 * stands.sum() > counted.sum():
-                rest = np.where(np.arange(len(sizes)) == i, 0.0, sizes)[: len(forces.log.rows)]
-                lacks = forces.gives(self.begun)[stands, row.joint] - forces.of_rows[stands, row.joint] @ rest
-                sizes[i] = max(sizes[i], np.clip(np.quantile(np.abs(lacks), HOLDS), *row.bounds))
+            counts = forces.counts[:, row.joint]
+            if row.kind == DRY and row.joint in joints and (counts == STICKS).sum() > (counts == 1.0).sum():
+                mine = [r.joint == row.joint and r.kind in ROWS and r.kind != PUSH for r in self.rows]
+                least, sizes[mine], told[mine], told[i] = sizes[i], 0.0, False, True
+                lacks = forces.gives(self.late) - forces.of_rows @ sizes[: len(forces.log.rows)]
+                holds = np.quantile(np.abs(lacks[counts == STICKS, row.joint]), HOLDS)
+                sizes[i] = np.clip(holds, least, row.bounds[1])
                 deviations[i] = ROUGHLY * sizes[i]
                 held.append(row.joint)
-        return replace(self, sizes=sizes, deviations=deviations, held=tuple(held))
+        return replace(self, sizes=sizes, deviations=deviations, told=told, held=tuple(held))
 
     def again(self, forces: _Forces) -> _Fit:
         """The same asked of forces in another band."""
-        kind = [row for row in self.rows[len(forces.log.rows) :] if row.kind != LATE]
-        return forces.of_servos(self.forces.stiff).fitted(self.late, kind).holding(self.held)
+        kind, stiff = [row for row in self.rows if row.kind in (GAIN, MASS)], self.forces.stiff
+        return _Forces(forces.log, forces.band, stiff).fitted(self.late, kind).holding(self.held)
 
     @cached_property
-    def late(self) -> float:
-        """How late commands come [s]."""
-        return self.begun + sum(float(s) for s, r in zip(self.sizes, self.rows, strict=True) if r.kind == LATE)
-
-    @cached_property
-    def values(self) -> dict[Where, tuple[float, float]]:
+    def values(self) -> dict[tuple[str, str], tuple[float, float]]:
         """Of what the log tells the value and its deviation."""
-        gains = {r.joint: 1.0 / (1.0 + s) for r, s in zip(self.rows, self.sizes, strict=True) if r.kind == GAIN}
-        out, log, stiff = dict[Where, tuple[float, float]](), self.forces.log, self.forces.stiff
+        both = zip(self.rows, self.sizes, strict=True)
+        gains = {row.joint: 1.0 / (1.0 + size) for row, size in both if row.kind == GAIN}
+        out, log, stiff = dict[tuple[str, str], tuple[float, float]](), self.forces.log, self.forces.stiff
         for row, size, sd, told in zip(self.rows, self.sizes, self.deviations, self.told, strict=True):
             gain, p = gains.get(row.joint, 1.0), row.candidate.declared[0]
             value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0)}.get(row.kind, (size * gain, gain))
@@ -370,24 +354,9 @@ class _Fit:
                 out[row.candidate.identity] = float(np.clip(value, p.low, p.high)), float(sd * slope)
         return out | {c.identity: (stiff, ROUGHLY * stiff) for c in log.servos if stiff != 1.0}
 
-    @property
-    def hypothesis(self) -> Hypothesis:
-        """All of it as terms."""
-        out = Hypothesis()
-        for c in self.forces.log.candidates:
-            value = self.values.get(c.identity, (c.declared[0].none,))[0]
-            out = out.plus(c.term((value,)), c.declared) if value != c.declared[0].none else out
-        return out
-
-    @property
-    def sized(self) -> Sized:
-        """As the search takes it."""
-        values, deviations = ({k: (v[i],) for k, v in self.values.items()} for i in (0, 1))
-        return Sized(values, deviations, self.late, 1.0 - float((self.left / self.was).mean()))
-
 
 def _least_squares(
-    columns: FloatArray, lacks: FloatArray, counts: FloatArray, prior: FloatArray, low: FloatArray, high: FloatArray
+    columns: FloatArray, lacks: FloatArray, counts: FloatArray, prior: FloatArray, bounds: FloatArray
 ) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray]:
     """Sizes (P,) of columns (K, C, P) between bounds, deviations, whether they are told; mean squares of joints."""
     from scipy.optimize import lsq_linear  # here: most commands need not wait for it
@@ -398,31 +367,27 @@ def _least_squares(
     g = np.stack([np.einsum("kcp,kc->cp", a[b], y[b]) for b in blocks])
     number = np.maximum((counts**2).sum(axis=0), 1.0)
     was = left = (y**2).sum(axis=0) / number + 1e-300
-    low, high = low / prior, high / prior
-    for last in (*(False,) * (ROUNDS - 1), True):
+    low, high = bounds / prior
+    for turn in range(ROUNDS):
         weights = 1.0 / np.maximum(left, 1e-9 * was)
         by_block, pulls = np.einsum("bcpq,c->bpq", h, weights), np.einsum("bcp,c->bp", g, weights)
         full, pull = by_block.sum(axis=0) + np.eye(len(prior)), pulls.sum(axis=0)
         x = np.linalg.solve(full, pull)
-        if last and ((x < low) | (x > high)).any():
+        if turn == ROUNDS - 1 and ((x < low) | (x > high)).any():
             root = np.linalg.cholesky(full).T
-            x = lsq_linear(root, np.linalg.solve(root.T, pull), (low, high)).x
+            x = lsq_linear(root, np.linalg.solve(root.T, pull), (low, high), "bvls").x
         left = ((y - a @ x) ** 2).sum(axis=0) / number
-    free = (x > low + 1e-6) & (x < high - 1e-6)
+    free = (x > low) & (x < high)
     less = full - by_block
     beside = (pull - pulls - less[:, :, ~free] @ x[~free])[:, free, None]
     said = np.linalg.solve(less[:, free][:, :, free], beside)[:, :, 0]
-    own = np.sqrt(np.diag(np.linalg.inv(full)))
-    deviations = own.copy()
+    deviations = (own := np.sqrt(np.diag(np.linalg.inv(full)))).copy()
     deviations[free] = np.maximum(own[free], np.sqrt((BLOCKS - 1) * said.var(axis=0)))
-    return x * prior, deviations * prior, own < PARTED, was, left
+    return x * prior, deviations * prior, deviations < PARTED, was, left
 
 
 def _below(band: float, x: FloatArray, dt: float, count: int = 1) -> FloatArray:
-    """(count, N, ...): x (N, ...) below a frequency [Hz], without a delay, and its derivatives.
-
-    As a line from end to end and a series of sines: it goes on oddly beyond both ends.
-    """
+    """(count, N, ...): x (N, ...) below a frequency [Hz], without a delay, odd beyond its ends; then derivatives."""
     n, along = len(x), (-1, *(1,) * (x.ndim - 1))
     slope = (x[-1] - x[0]) / (n - 1)
     line = x[0] + slope * np.arange(n).reshape(along)
@@ -430,7 +395,6 @@ def _below(band: float, x: FloatArray, dt: float, count: int = 1) -> FloatArray:
     f = np.fft.rfftfreq(len(odd), dt).reshape(along)
     spectrum = np.fft.rfft(odd, axis=0) / (1.0 + (f / band) ** (2 * ORDER))
     out = [np.fft.irfft(spectrum * (2j * np.pi * f) ** k, len(odd), axis=0)[:n] for k in range(count)]
-    out[0] += line
-    if count > 1:
-        out[1] += slope / dt
+    for part, more in zip(out, (line, slope / dt), strict=False):
+        part += more
     return np.stack(out)

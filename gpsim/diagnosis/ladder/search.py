@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Hypothesis, Noise, Problem, Shooting
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, unexplained
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
@@ -84,7 +84,7 @@ class Search:
                 law, [p.none if not p.place else p.starts[0] for p in law.candidate.declared]
             )
         jumps = [law for law in usual if not law.has_slope]
-        for turn in range(len(jumps) + 1):
+        for _ in range(len(jumps) + 1):
             self.refit(FIRST_LOOK)
             found = self.offers([law for law in jumps if not self.account.holds(law)])
             if not found:
@@ -126,7 +126,7 @@ class Search:
         return kept
 
     def in_base_steps(self, scheme: Scheme) -> None:
-        """The base's own step in the place of fine ones, where all that is usual explains the recording better with it."""
+        """The base's own step in the place of fine ones, where all that is usual explains more with it."""
         if scheme == "fine":
             return
         fine, starts = self.account, self.account.fit.starts
@@ -200,26 +200,17 @@ class Search:
         return float(self.shooting.costs(self.base.residuals).sum())
 
     def left(self) -> float:
-        """Nats of misfit beyond the noise that is known."""
-        noise, problem = self.shooting.noise, self.shooting.problem
-        counts = (noise.weights > 0).sum(axis=(0, 1))
-        known = 0.5 * float(
-            (counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum()
-        )
-        return max(0.0, float(self.account.fit.costs.sum()) - 1.1 * known)
+        """Nats of misfit beyond the sensors' noise."""
+        return unexplained(self.shooting.problem, self.account.fit)
 
     # Rung 2
 
     def unusual(self) -> None:
         """Unusual laws beside the usual ones, one at a time, while one pays its price and a part of what is left."""
         for _ in range(6):
-            absent = [law for law in self.laws if not self.account.holds(law) and not self._gauge(law)]
+            absent = [law for law in self.laws if not self.account.holds(law)]
             if not self.add_best(absent, PROBED + 1):
                 return
-
-    def _gauge(self, law: Law) -> bool:
-        """Whether laws that stand make up for one in any case."""
-        return False
 
     # Taking away
 
@@ -232,18 +223,14 @@ class Search:
             gone = Quadratic(account).taken_away([self.price(law) for law in account.laws], kept)
             if not gone:
                 return
-            count, cost = 0, 0.0
-            for less in gone:
-                cost += less.cost
-                if count and cost > limit:
-                    break
-                count += 1
+            foretold = np.cumsum([less.cost for less in gone])
+            count = max(int((foretold <= limit).sum()), 1)
             batch = [less.index for less in gone[:count]]
-            less = self.without(batch, placed(account.hypothesis, gone[count - 1].z), 3)
             paid = sum(self.price(account.laws[i]) for i in batch)
-            if less.fit.cost - account.fit.cost > paid:
-                less = Account(less.laws, self.shooting.fit(less.fit, SETTLE))
-            rise = less.fit.cost - account.fit.cost
+            rest = self.without(batch, placed(account.hypothesis, gone[count - 1].z), 3)
+            if rest.fit.cost - account.fit.cost > paid:
+                rest = Account(rest.laws, self.shooting.fit(rest.fit, SETTLE))
+            rise = rest.fit.cost - account.fit.cost
             names = [account.laws[i].name for i in batch]
             if rise > paid:
                 if count == 1:
@@ -253,8 +240,8 @@ class Search:
                 continue
             limit = max(limit, LOOSE)
             self.say("does not pay", True, *names, gain=paid - rise)
-            self.tried.append(less)
-            self.account = less
+            self.tried.append(rest)
+            self.account = rest
 
     def without(self, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
         """The account without some laws, from where the quadratic says the others are, or from where they were."""
@@ -299,7 +286,10 @@ class Search:
         account, now = self.account, self.score(self.account)
         names = tuple(sorted(law.key for law in account.laws))
         offers, rows = Offers(self.shooting, account.fit), account.rows
-        order = sorted(range(len(rows)), key=lambda i: less[account.laws[i].key].fit.cost if account.laws[i].key in less else 0.0)
+        order = sorted(
+            range(len(rows)),
+            key=lambda i: less[account.laws[i].key].fit.cost if account.laws[i].key in less else 0.0,
+        )
         for index in order:
             law = account.laws[index]
             if law.key not in less:
@@ -307,7 +297,11 @@ class Search:
             part = less[law.key]
             absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
             missed = self.score(part) - now
-            near = [o for o in offers.in_place(absent, rows[index], part.fit) if o.gain - self.price(o.law) > missed - HOPELESS]
+            near = [
+                o
+                for o in offers.in_place(absent, rows[index], part.fit)
+                if o.gain - self.price(o.law) > missed - HOPELESS
+            ]
             near = sorted(near, key=lambda o: self.price(o.law) - o.gain)[:PROBED]
             for offer in near:
                 other = offer.law
@@ -352,17 +346,16 @@ class Search:
 
     def later(self, account: Account) -> float:
         """Nats that an account costs on held-out windows, whose start states alone are fitted."""
-        return float(self.later_costs(account).sum())
+        return float(self.judged(account).costs.sum())
 
-    def later_costs(self, account: Account) -> FloatArray:
-        """(W,) nats on each held-out window."""
+    def judged(self, account: Account) -> Fit:
+        """An account on held-out windows."""
         shooting, noise = self.held_out, self.shooting.noise
-        windows = shooting.problem.windows
-        if not len(windows):
-            return np.zeros(0)
         shooting.noise = Noise(noise.white, noise.times, shooting.base_weights)
-        point = shooting.at(account.hypothesis.frozen(), np.array(windows.measured[:, 0]))
-        return shooting.fit(point, 3).costs
+        point = shooting.at(account.hypothesis.frozen(), np.array(shooting.problem.windows.measured[:, 0]))
+        return shooting.fit(point, 3) if len(point.starts) else point
+
+    # What the user requires
 
     def require(self) -> None:
         """What the user requires and the account lacks, fitted; where it does nothing it goes again."""
@@ -388,21 +381,22 @@ class Search:
     # Held out
 
     def judge_held_out(self) -> None:
-        """What is worth nothing on held-out windows goes, unusual laws first; a usual one that training asks for stays."""
+        """What is worth nothing on held-out windows goes, unusual laws first; what training asks for stays."""
         while True:
             less = self.drop_each()
             if not len(self.held_out.problem.windows):
                 return
-            mine, left, bad = self.later_costs(self.account), self._left_later(), None
+            mine, bad = self.judged(self.account), None
+            left = unexplained(self.held_out.problem, mine) + self.left()
             for law in self.account.laws:
                 if law.key not in less:
                     continue
-                gains = self.later_costs(less[law.key]) - mine
+                gains = self.judged(less[law.key]).costs - mine.costs
                 gain, sd = float(gains.sum()), float(np.sqrt(len(gains)) * gains.std())
                 trained = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
                 short = min(gain + 0.5 * sd, gain + trained)
                 if not law.usual:
-                    short = min(short, gain + trained - self.numbers.held_out * (left + self.left()))
+                    short = min(short, gain + trained - self.numbers.held_out * left)
                 if short < 0 and (bad is None or (law.usual, short) < bad[:2]):
                     bad = law.usual, short, law
             if bad is None:
@@ -410,12 +404,3 @@ class Search:
             self.say("held-out windows are no better with it", True, bad[2].name, gain=bad[1])
             self.account = less[bad[2].key]
             self.refit(FIRST_LOOK)
-
-    def _left_later(self) -> float:
-        """Nats of misfit beyond the known noise on held-out windows."""
-        problem, noise = self.held_out.problem, self.shooting.noise
-        counts = problem.counted.sum(axis=(0, 1))
-        known = 0.5 * float(
-            (counts * (problem.floor / noise.white) ** 2 / noise.times)[problem.observed].sum()
-        )
-        return max(0.0, self.later(self.account) - 1.1 * known)

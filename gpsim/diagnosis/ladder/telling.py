@@ -14,8 +14,8 @@ from gpsim.effects import RISE, Place, declared, effect_of
 def told(account: Account) -> Hypothesis:
     """The account's laws as they are told.
 
-    What Stribeck friction adds and the dry friction beside it are one law, where that may be simulated at once; a spring
-    and a constant force are one that rests elsewhere, where it rests within reach.
+    What Stribeck friction adds and the dry friction beside it are one law, where that may be simulated at once; a
+    spring and a constant force are one that rests elsewhere, where it rests within reach.
     """
     hypothesis = account.hypothesis
     for law in account.laws:

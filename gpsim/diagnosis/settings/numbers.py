@@ -79,7 +79,12 @@ class CurveSettings:
 
     most: int = setting(2, "1", "curves, at most; 0 asks for none", least=0)
     knots: int = setting(9, "1", "of a curve", "friction that bends at low speed needs eight", least=3)
-    leaves: float = setting(0.01, "1", "of the base's mismatch, that laws must leave before one is asked for")
+    leaves: float = setting(
+        0.0005,
+        "1",
+        "of the base's misfit, that laws must leave before one is asked for",
+        "less no rollout shows",
+    )
     takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
     tenth: float = setting(0.1, "1", "of the mismatch, from which on a curve makes an account partial")
 
@@ -133,7 +138,7 @@ class IntervalSettings:
 class GpSettings:
     """Rung 4: the Gaussian process on what is left."""
 
-    rows: int = setting(250, "transitions", "that it learns from, at most", least=2)
+    rows: int = setting(200, "transitions", "that it learns from, at most", least=2)
     steps: int = setting(1500, "transitions", "on which models are compared, at most", least=2)
 
 

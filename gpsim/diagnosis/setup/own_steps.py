@@ -43,9 +43,7 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
 
 
 def likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
-    """A rotor and viscous friction of usual sizes at every joint: what would whirl without needs steps that no fit
-    can afford.
-    """
+    """A rotor and viscous friction of usual sizes at every joint: what whirls without needs steps that are too dear."""
     every = _usual_terms(problem, recording, LIKELY)
     return Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
 
