@@ -1,27 +1,24 @@
-"""Words on the command line -> one resolved configuration, by Hydra; every error becomes one line."""
+"""Words on the command line -> one resolved configuration."""
 
 from __future__ import annotations
 
-import difflib
+import hashlib
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import suppress
 from copy import deepcopy
 from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from hydra import compose, initialize_config_module
-from hydra.core.config_search_path import ConfigSearchPath
-from hydra.core.plugins import Plugins
-from hydra.plugins.search_path_plugin import SearchPathPlugin
-from omegaconf import DictConfig, OmegaConf
-
+from gpsim import __version__
 from gpsim.errors import UsageError
+from gpsim.private import ExposedError, own_folder, read_own, users_cache, write_own
 from gpsim.recordings import check_bounded
 from gpsim.trust import consent
 
-_KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
     "simulator", "target", "task", "policy", "gp", "collect",
     "randomise", "residuals", "diagnose", "certify", "evaluate", "deploy", "active", "launcher",
@@ -68,7 +65,7 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
         if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
     _refuse_strangers(words, config_dir)
-    resolved = _composed(tuple(words), config_dir) if config_dir else deepcopy(_of_the_package(tuple(words)))
+    resolved = _composed(words, config_dir) if config_dir else deepcopy(_of_the_package(tuple(words)))
     checked = _checked(resolved)
     for section, name in NAMING:
         consent(checked[section].get(name))
@@ -77,19 +74,32 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
 
 @cache
 def _of_the_package(words: tuple[str, ...]) -> dict[str, Any]:
-    """What Hydra makes of gpsim's own choices, a third of a second's work; a user's may change."""
-    return _composed(words, None)
+    """What Hydra makes of gpsim's own choices, half a second's work: without words it is kept for the next command."""
+    if words:
+        return _composed(words, None)
+    with suppress(OSError, RuntimeError, ExposedError, ValueError):
+        kept: dict[str, Any] = json.loads(read_own(_place()))
+        return kept
+    made = _composed(words, None)
+    text = json.dumps(made)
+    if json.loads(text) == made:
+        with suppress(OSError, RuntimeError, ExposedError):
+            write_own(_place(), text.encode())
+    return made
 
 
-def _composed(words: tuple[str, ...], config_dir: Path | None) -> dict[str, Any]:
-    with _hydra(config_dir):
-        try:
-            config = compose("config", overrides=list(words))
-            resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-        except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
-            raise UsageError(_one_line(error, words)) from error
-    assert isinstance(resolved, dict)
-    return {str(key): value for key, value in resolved.items()}
+def _place() -> Path:
+    """The file for gpsim's own choices as they are now; raises OSError or ExposedError where none can be kept."""
+    digest = hashlib.sha256(__version__.encode())
+    for path in sorted(Path(str(files("gpsim.conf"))).rglob("*.yaml")):
+        digest.update(f"{path.name} ".encode() + path.read_bytes())
+    return own_folder(users_cache()) / f"settings-{digest.hexdigest()[:16]}.json"
+
+
+def _composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+    from .composing import composed  # here: Hydra takes a third of a second to load
+
+    return composed(words, config_dir)
 
 
 def _choices(config_dir: Path | None) -> Iterator[Path]:
@@ -111,29 +121,6 @@ def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:
             raise UsageError(f"'{word}': nothing reads '{name}'; settings: {', '.join(known)}")
 
 
-class _UsersFolder(SearchPathPlugin):
-    """Puts the user's folder before gpsim's own; `hydra.searchpath` would put it behind."""
-
-    folder: Path | None = None
-
-    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
-        """Hydra calls it while it is initialised."""
-        if self.folder is not None:
-            search_path.prepend("--config-dir", f"file://{self.folder}")
-
-
-@contextmanager
-def _hydra(config_dir: Path | None) -> Iterator[None]:
-    """Hydra, looking in the user's folder first."""
-    Plugins.instance().register(_UsersFolder)
-    _UsersFolder.folder = config_dir.resolve() if config_dir is not None else None
-    try:
-        with initialize_config_module("gpsim.conf", version_base="1.3"):
-            yield
-    finally:
-        _UsersFolder.folder = None
-
-
 def _checked(config: dict[str, Any]) -> dict[str, Any]:
     """The configuration with every part in its place."""
     for name in SECTIONS:
@@ -148,79 +135,11 @@ def _checked(config: dict[str, Any]) -> dict[str, Any]:
 
 def as_yaml(config: Mapping[str, Any]) -> str:
     """The configuration as YAML."""
+    from omegaconf import OmegaConf
+
     return OmegaConf.to_yaml(OmegaConf.create(plain(config)))
 
 
 def plain(value: Any) -> Any:
     """The configuration without its checks: dictionaries, lists and values."""
     return {key: plain(item) for key, item in value.items()} if isinstance(value, dict) else value
-
-
-def _one_line(error: Exception, words: Sequence[str]) -> str:
-    text = str(error)
-    choices = re.search(
-        r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*?)(?:Config search path|\Z)",
-        text,
-        re.DOTALL,
-    )
-    if choices:
-        options = ", ".join(choices.group(3).split())
-        return f"no '{choices.group(1).split('/')[-1]}' among the choices of {choices.group(2)}; there are: {options}"
-    word = _failing(error, words)
-    if word is not None:
-        return _unknown_key(word, words)
-    said, culprit = " ".join(text.split()) or type(error).__name__, _culprit(words)
-    if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
-        return (
-            f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
-            f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
-        )
-    return said if culprit is None or culprit in said else f"{culprit}: {said}"
-
-
-def _culprit(words: Sequence[str]) -> str | None:
-    """The first word that fails by itself: not every error names it."""
-    for word in words:
-        try:
-            compose("config", overrides=[word])
-        except Exception:  # as in resolve
-            return word
-    return None
-
-
-def _failing(error: Exception, words: Sequence[str]) -> str | None:
-    """The word whose key the configuration lacks, if that is what the error says."""
-    text = str(error)
-    if "Could not override" not in text:
-        return None
-    return next((w for w in words if (key := _KEY.match(w)) and f"'{key.group(1)}'" in text), None)
-
-
-def _composed_without(word: str, words: Sequence[str]) -> Any:
-    """What the other words select; those that fail, too, are left out in their turn."""
-    others = [other for other in words if other != word]
-    while True:
-        try:
-            return compose("config", overrides=others)
-        except Exception as error:  # as in resolve
-            failing = _failing(error, others)
-            others = [other for other in others if other != failing] if failing is not None else []
-
-
-def _unknown_key(word: str, words: Sequence[str]) -> str:
-    """Name the settings beside the one that does not exist, and the nearest."""
-    found = _KEY.match(word)
-    assert found is not None
-    key, node = found.group(1), _composed_without(word, words)
-    parts = key.split(".")
-    for depth, part in enumerate(parts):
-        where = ".".join(parts[:depth])
-        if not isinstance(node, DictConfig):
-            return f"no setting '{key}'; {where} is a value"
-        if part not in node:
-            known = [str(k) for k in node]
-            near = difflib.get_close_matches(part, known, n=1)
-            hint = f" (did you mean {'.'.join([*parts[:depth], near[0]])}?)" if near else ""
-            return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
-        node = node[part]
-    return f"'{key}' cannot be set by '{word}'"

@@ -139,10 +139,8 @@ def diagnose_command(
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.kernels import is_compiled
     from gpsim.mjcf import is_mujoco
-    from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.figures import diagnosis_figures, paths_of
-    from gpsim.stages.fleet import recordings_in
 
     if recording is None and simulator is not None:
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
@@ -155,13 +153,21 @@ def diagnose_command(
         )
     task, episodes = None, config["diagnose"]["episodes"]
     if len(recordings) > 1:
+        from gpsim.stages.fleet import recordings_in
+
         together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
         task = Task.of(together, simulator, episodes, own)
     elif recording is not None:
         task = Task(recording, simulator, episodes, effects=own)
+    if task is not None:
+        stage = stage_for(task)
+    else:
+        from gpsim.stages.diagnose_loop import STAGE
+
+        stage = STAGE
     model = simulator is not None and is_mujoco(simulator)
     made = setup.make(
-        stage_for(task) if task else diagnose_loop.STAGE,
+        stage,
         out,
         dry_run,
         MUJOCO if model else DIAGNOSIS,
@@ -232,8 +238,6 @@ def _raw(
     recording: Path, settings: list[str], simulator: str | None, mapping: str | None, score: Path | None
 ) -> tuple[RawLog | None, list[str]]:
     """The recording as a log that is to be imported first, if it is one, and the settings that are left."""
-    from gpsim.stages.raw_logs import RawLog, is_raw  # it takes a second that `--help` has no use for
-
     rest, of_log = _parted(settings)
     if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
         if mapping is not None:
@@ -241,6 +245,8 @@ def _raw(
                 f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
             )
         return None, settings
+    from gpsim.stages.raw_logs import RawLog, is_raw  # they take a second that others have no use for
+
     if mapping is None and not is_raw(recording, simulator) and not (of_log and recording.is_file()):
         return None, settings
     log = RawLog(recording, "gpsim diagnose", simulator, mapping=mapping, words=tuple(of_log))
@@ -249,9 +255,12 @@ def _raw(
 
 def _parted(settings: list[str]) -> tuple[list[str], list[str]]:
     """The settings, and the words that say what is what in a raw log."""
+    others = [word for word in settings if _top(word) not in (*USED, *INSTEAD)]
+    if not others:
+        return settings, []
     from gpsim.stages.raw_logs import of_the_mapping
 
-    of_log = [word for word in settings if _top(word) not in (*USED, *INSTEAD) and of_the_mapping(word)]
+    of_log = [word for word in others if of_the_mapping(word)]
     return [word for word in settings if word not in of_log], of_log
 
 

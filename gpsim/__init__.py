@@ -11,9 +11,9 @@ What `__all__` lists is public and keeps its meaning within a major version; eve
 an underscore, may change with any release. Names load when they are first asked for: this file needs nothing.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from gpsim.doors import opened as _opened
 from gpsim.face.registration import register_environments as _register_environments
 
 __version__ = "0.2.0"
@@ -39,27 +39,6 @@ __all__ = [
     "recording_from_frame",
 ]
 
-_PLACES = {
-    "CorrectedSimulator": "gpsim.face.corrected",
-    "Diagnosis": "gpsim.face.diagnosis",
-    "Evaluation": "gpsim.face.evaluation",
-    "Recording": "gpsim.recordings",
-    "Settings": "gpsim.diagnosis.settings",
-    "UsageError": "gpsim.errors",
-    "Watcher": "gpsim.face.planning",
-    "diagnose": "gpsim.face.diagnosis",
-    "evaluate": "gpsim.face.evaluation",
-    "fit_gp": "gpsim.face.processes",
-    "load_simulator": "gpsim.face.simulators",
-    "make_env": "gpsim.face.environment",
-    "plan": "gpsim.face.planning",
-    "read_recording": "gpsim.face.recordings",
-    "recording_from_frame": "gpsim.face.recordings",
-}
-"""Name -> the module that has it (PEP 562)."""
-_ROOMS = ("effects", "errors")
-"""Public modules."""
-
 if TYPE_CHECKING:
     from gpsim import effects, errors
     from gpsim.diagnosis.settings import Settings
@@ -73,16 +52,8 @@ if TYPE_CHECKING:
     from gpsim.face.recordings import read_recording, recording_from_frame
     from gpsim.face.simulators import load_simulator
     from gpsim.recordings import Recording
-
-
-def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
-        return importlib.import_module(f"gpsim.{name}")
-    if name not in _PLACES:
-        raise AttributeError(f"module 'gpsim' has no attribute '{name}'")
-    value = getattr(importlib.import_module(_PLACES[name]), name)
-    globals()[name] = value
-    return value
+else:
+    __getattr__ = _opened(__name__)
 
 
 def __dir__() -> list[str]:

@@ -21,8 +21,7 @@ from gpsim.corrected.features import Feature, Features
 from gpsim.diagnosis.assessment import location as locating
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.judgement.ranking import Ranked, _key
-from gpsim.diagnosis.selection.gate_edges import gate_between
+from gpsim.diagnosis.judging import Tried
 from gpsim.effects import Gate, Term, effect_of
 from gpsim.effects.effect import columns_of
 from gpsim.effects.term import EPISODE
@@ -181,8 +180,7 @@ def test_a_quoted_header_may_hold_the_separator(tmp_path):
 
 
 def test_a_channel_called_episode_is_not_the_count_of_episodes():
-    gate = gate_between("episode", 0.0, 1.0, True)
-    assert gate.region == {"episode": (0.0, 1.0)}
+    gate = Gate(region={"episode": (0.0, 1.0)})
     assert gate.looks_at == "episode"
     assert gate.looks_at != EPISODE
     assert Gate(since_episode=3).looks_at is EPISODE
@@ -193,11 +191,11 @@ def test_gates_at_channels_called_as_moments_are_other_hypotheses():
         return Hypothesis((Term("viscous_friction", "q", {"damping": 1.0}, gate),))
 
     region = {"time": (0.0, 1.0)}
-    assert _key(gated(Gate(since=1.0))) != _key(gated(Gate(region=region)))
+    assert not gated(Gate(since=1.0)).says_the_same_as(gated(Gate(region=region)))
     region = {"episode": (0.0, 1.0)}
-    assert _key(gated(Gate(since_episode=1))) != _key(gated(Gate(region=region)))
-    assert Ranked(gated(Gate(since_episode=1)), 0.0, True).entry.gates == ("episode",)
-    assert Ranked(gated(Gate(since=1.0)), 0.0, True).entry.gates == ("time",)
+    assert not gated(Gate(since_episode=1)).says_the_same_as(gated(Gate(region=region)))
+    assert Tried(gated(Gate(since_episode=1)), 0.0).entry.gates == ("episode",)
+    assert Tried(gated(Gate(since=1.0)), 0.0).entry.gates == ("time",)
 
 
 def test_a_channel_called_pose_is_one_channel():

@@ -138,8 +138,8 @@ def _usual_machines() -> str:
     ]
     head = f"""## What is usual
 
-A diagnosis fits all of this at once, and takes away what the recording does not ask for. A law that is not here must bring
-{laws.unusual:g} nats more beside its price (drag {laws.drag:g}, what machines hardly ever have {laws.rare:g}) and a good part
+A diagnosis fits all of this at once, and takes away what the recording does not ask for. A law that is not here must
+bring {laws.unusual:g} nats more beside its price (drag {laws.drag:g}, what is rare {laws.rare:g}) and a good part
 of what the usual ones leave. `diagnose.families.usual` and `.unusual` change the table for a machine of yours.
 
 | kind | family | why |

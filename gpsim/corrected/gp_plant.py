@@ -6,7 +6,7 @@ A Gaussian process as one function an episode: what is not known of a machine do
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
@@ -14,9 +14,11 @@ from gpsim.channels import FloatArray
 from gpsim.corrected.command_filter import CommandFilter, mean_rates
 from gpsim.corrected.features import Features
 from gpsim.effects import closed
-from gpsim.gp import DrawnFunctions, Predictor
-from gpsim.residuals import Residuals
 from gpsim.simulators import Memory, SimulatorPlant
+
+if TYPE_CHECKING:
+    from gpsim.gp import DrawnFunctions, Predictor
+    from gpsim.residuals import Residuals
 
 Prediction = Literal["mean", "sample"]
 PREDICTIONS: tuple[Prediction, ...] = ("mean", "sample")

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtri
 
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.corrected.effects_plant import EffectsPlant, value_key
@@ -52,6 +51,8 @@ class Spread:
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         """(count, P) sizes."""
+        from scipy.special import ndtri  # here: who corrects by one explanation need not wait for it
+
         normal = rng.standard_normal((count, len(self.sizes))) @ self._root.T
         value, low, high, least, most = (
             np.array([getattr(size, part) for size in self.sizes])

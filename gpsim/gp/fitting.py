@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import OptimizeResult, minimize
 
 from .exact import Likelihood, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood, posterior
 from .fit_report import FitOutcome, FitReport, at_bounds
 from .kernels import Bounds, FloatArray, HyperParameters
 from .starts import first_start, noisy_starts, random_start, turning_starts, wiggly_start
 from .training_data import Standardisation, TrainingData, checked_inputs, checked_targets, constant_columns
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 # Stands for "minus infinity" where no Cholesky factor exists: the line search needs a number to shrink from.
 _UNUSABLE = 1e25
@@ -195,6 +198,8 @@ class _Search:
         return -value, -gradient
 
     def _ascend(self, start: FloatArray, iterations: int) -> OptimizeResult:
+        from scipy.optimize import minimize  # here: half a second that who only predicts need not wait for
+
         reached: list[float] = []
 
         def stop_early(intermediate_result: OptimizeResult) -> None:

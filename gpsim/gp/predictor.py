@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .exact import PosteriorTerms
 from .kernels import FloatArray, HyperParameters, read_only
 from .training_data import Standardisation
+
+if TYPE_CHECKING:
+    from .exact import PosteriorTerms
 
 # Elements of the (rows, training rows) matrices that one chunk may hold: 512 kB each, which a core's cache holds;
 # and rows that it has at least, below which a matrix product is slow.

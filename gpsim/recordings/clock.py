@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.spatial.transform import Rotation, Slerp
 
 from gpsim.channels import FloatArray, IntArray
 
@@ -56,6 +54,10 @@ def jumping(stamps: FloatArray, limit: float) -> IntArray:
     """
     if len(stamps) < 3:
         return np.zeros(0, dtype=np.int64)
+    from scipy.ndimage import (
+        median_filter,  # here, as below: half a second that most commands need not wait for
+    )
+
     usual = float(np.median(np.abs(np.diff(stamps))))
     near = median_filter(stamps, size=min(NEIGHBOURS, len(stamps)), mode="nearest")
     return np.flatnonzero(np.abs(stamps - near) > max(limit, NEIGHBOURS * usual))
@@ -130,6 +132,8 @@ def slerp(at: FloatArray, t: FloatArray, quaternions: FloatArray) -> FloatArray:
     """
     if len(t) == 1:
         return np.repeat(quaternions, len(at), axis=0)
+    from scipy.spatial.transform import Rotation, Slerp
+
     return np.asarray(Slerp(t, Rotation.from_quat(quaternions))(np.clip(at, t[0], t[-1])).as_quat())
 
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, columns_beside
 from gpsim.recordings.clock import TOLERANCE
-from gpsim.recordings.mapping import HeldOutRule
 from gpsim.recordings.recording import Episode, HeldOut
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from gpsim.recordings.mapping import HeldOutRule
 
 Interval = tuple[float, float]
 
@@ -194,6 +198,8 @@ class OverGaps:
 
     def to_table(self, action: Channels) -> pd.DataFrame:
         """One row a command: after, t, the action's channels."""
+        import pandas as pd  # here: half a second that most commands need not wait for
+
         columns = columns_beside(action.names, ("after", "t"), "command")
         commands = {name: self.actions[:, i] for i, name in enumerate(columns)}
         return pd.DataFrame({"after": self.after, "t": self.t} | commands)

@@ -7,10 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-import pandas as pd
 import yaml
 
 from gpsim.channels import Channels, FloatArray
@@ -18,9 +17,12 @@ from gpsim.errors import UsageError
 from gpsim.recordings.likeness import UNITS, dated, likely_unit
 from gpsim.recordings.poses import numeric_poses
 from gpsim.recordings.recording import Clock, HeldOut, Recording, Velocities
-from gpsim.recordings.table_files import episodes_of, read_frame
-from gpsim.recordings.values import Number, Numbers, Sound, Text, check_channels, checked, one_line
+from gpsim.recordings.table_files import columns_of, episodes_of, read_exactly, read_frame
+from gpsim.recordings.values import Columns, Number, Numbers, Sound, Text, check_channels, checked, one_line
 from gpsim.recordings.yaml_data import read_yaml
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
@@ -41,6 +43,8 @@ def write_recording(recording: Recording, folder: Path, table: TableFormat = "pa
 
 def to_frame(recording: Recording) -> pd.DataFrame:
     """One row a sample: episode, t, state channels, action channels (NaN in an episode's last row)."""
+    import pandas as pd  # here: half a second that who reads need not wait for
+
     frames = []
     for episode in recording.episodes:
         columns: dict[str, Any] = {"episode": episode.name, "t": episode.t}
@@ -135,9 +139,9 @@ def read_recording(path: Path) -> Recording:
     """Read a recording folder; every fault ends in a UsageError that says what, where and what to do."""
     folder = path if path.is_dir() else path.parent
     meta = _read_metadata(folder / META_NAME)
-    frame, table = _read_table(folder)
+    columns, table = _read_table(folder)
     state, action = Channels.of(meta.state, wraps=meta.wraps), Channels.of(meta.action)
-    missing = [name for name in ("episode", "t", *state.names, *action.names) if name not in frame.columns]
+    missing = [name for name in ("episode", "t", *state.names, *action.names) if name not in columns]
     if missing:
         raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
     same = (
@@ -151,12 +155,12 @@ def read_recording(path: Path) -> Recording:
         "held_out",
         "provenance",
     )
-    poses = numeric_poses(frame, (*state.names, *action.names))
+    poses = numeric_poses(columns, (*state.names, *action.names))
     return Recording(
         state=state,
         action=action,
         poses=poses,
-        episodes=episodes_of(frame, str(table), state, action, poses),
+        episodes=episodes_of(columns, str(table), state, action, poses),
         model=meta.model,
         **{name: getattr(meta, name) for name in same},
     )
@@ -187,15 +191,15 @@ def _held_out(raw: object, where: str) -> HeldOut | None:
     return rule if raw else None
 
 
-def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
+def _read_table(folder: Path) -> tuple[Columns, Path]:
     parquet, csv = folder / "recording.parquet", folder / "recording.csv"
     table = parquet if parquet.is_file() else csv
     if not table.is_file():
         raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
-    frame = read_frame(table, "round_trip")
-    if frame.empty:
+    columns = read_exactly(table)
+    if not any(map(len, columns.values())):
         raise UsageError(f"{table}: no rows")
-    return frame, table
+    return columns, table
 
 
 def read_bare_table(
@@ -215,7 +219,7 @@ def read_bare_table(
 
     Every fault is a UsageError that names file, episode, row and column.
     """
-    table = read_frame(path)
+    table = columns_of(read_frame(path))
     return recording_of(
         table, path, system, state, action, parameters,
         optional=optional, integrator=integrator, stand_ins=stand_ins,
@@ -223,7 +227,7 @@ def read_bare_table(
 
 
 def recording_of(
-    table: pd.DataFrame,
+    table: Columns,
     path: Path | str,
     system: str,
     state: Channels,
@@ -239,16 +243,16 @@ def recording_of(
 
     dt: the usual step [s] where it is known, which says that t is in seconds; else the median step.
     """
-    held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
+    held = Channels(tuple(c for c in state if c.name in table or c.name not in optional))
     held = held if len(held) else state
-    table = table.rename(columns=_stood_for(table, stand_ins))
+    stood = _stood_for(table, stand_ins)
+    table = {stood.get(name, name): values for name, values in table.items()}
     poses = numeric_poses(table, (*state.names, *action.names))
     _check_spelling(path, table, (*state.names, *action.names))
-    action = action if set(action.names) & set(table.columns) else Channels(())
+    action = action if set(action.names) & set(table) else Channels(())
     needed = ("t", *held.names, *action.names)
     _check_columns(path, table, needed, system)
-    if "episode" not in table.columns:
-        table = table.assign(episode="0")
+    table = {"episode": np.full(len(table["t"]), "0")} | table
     episodes = episodes_of(table, str(path), held, action, poses)
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
@@ -260,12 +264,12 @@ def recording_of(
     return Recording(system, held, action, episodes, step, parameters, integrator, poses=poses)
 
 
-def _stood_for(table: pd.DataFrame, stand_ins: Mapping[str, tuple[str, ...]]) -> dict[str, str]:
+def _stood_for(table: Columns, stand_ins: Mapping[str, tuple[str, ...]]) -> dict[str, str]:
     """Columns that stand in for a channel which has none of its own -> that channel."""
     return {
-        next(name for name in others if name in table.columns): channel
+        next(name for name in others if name in table): channel
         for channel, others in stand_ins.items()
-        if channel not in table.columns and not {*others}.isdisjoint(table.columns)
+        if channel not in table and not {*others}.isdisjoint(table)
     }
 
 
@@ -285,13 +289,12 @@ def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Chann
     )
 
 
-def _check_spelling(path: Path | str, table: pd.DataFrame, names: Sequence[str]) -> None:
+def _check_spelling(path: Path | str, table: Columns, names: Sequence[str]) -> None:
     """A column that is nearly called as a channel that is absent would be passed over without a word."""
-    columns = [str(column) for column in table.columns]
-    others = [column for column in columns if column not in ("t", "episode", *names)]
+    others = [column for column in table if column not in ("t", "episode", *names)]
     for name in names:
         near = alike(name, others)
-        if name not in columns and near:
+        if name not in table and near:
             raise UsageError(
                 f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
             )
@@ -304,8 +307,8 @@ def alike(name: str, columns: Sequence[str]) -> str | None:
     return lower[near[0]] if near else None
 
 
-def _check_columns(path: Path | str, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
-    missing = [name for name in needed if name not in table.columns]
+def _check_columns(path: Path | str, table: Columns, needed: Sequence[str], system: str) -> None:
+    missing = [name for name in needed if name not in table]
     if missing:
         raise UsageError(
             f"{path}: column(s) {', '.join(missing)} missing; {system} needs {', '.join(needed)}"

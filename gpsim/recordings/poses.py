@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
-import pandas as pd
 
-from gpsim.channels import Channel, Channels, FloatArray
-from gpsim.recordings.values import LARGEST
+from gpsim.channels import Channel, Channels, FloatArray, IntArray
+from gpsim.recordings.values import LARGEST, Columns, numbers_of
 
 PLACE, TURN = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
 
@@ -26,15 +25,14 @@ def pose_channels(names: Sequence[str], taken: Collection[str]) -> Channels:
     return Channels(tuple(found))
 
 
-def numeric_poses(frame: pd.DataFrame, taken: Collection[str]) -> Channels:
+def numeric_poses(table: Columns, taken: Collection[str]) -> Channels:
     """The same of a table, of its columns of numbers."""
-    names = [str(name) for name in frame.columns if frame[name].dtype.kind in "fiu"]
-    return pose_channels(names, taken)
+    return pose_channels([name for name, values in table.items() if values.dtype.kind in "fiu"], taken)
 
 
-def pose_values(rows: pd.DataFrame, poses: Channels) -> FloatArray | None:
+def pose_values(table: Columns, rows: IntArray, poses: Channels) -> FloatArray | None:
     """(K + 1, P) of an episode's rows, NaN where nothing was seen; None where nobody looked."""
     if not len(poses):
         return None
-    values = rows[list(poses.names)].to_numpy(dtype=np.float64)
+    values = numbers_of(table, poses.names, rows)
     return np.where(np.isfinite(values) & (np.abs(values) <= LARGEST), values, np.nan)

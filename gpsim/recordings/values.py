@@ -12,6 +12,10 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 
 LONGEST = 200  # characters
@@ -73,6 +77,15 @@ def cells_of(line: str, separator: str) -> list[str]:
     except csv.Error:  # a cell of more than 128 KiB
         made = line.split(separator)
     return [cell.strip() for cell in made]
+
+
+Columns = dict[str, NDArray[Any]]
+"""A table: its columns by their names, all of one length."""
+
+
+def numbers_of(table: Columns, names: Sequence[str], rows: IntArray) -> FloatArray:
+    """(K, C): of these columns the rows (K,); raises ValueError or TypeError where one holds no number."""
+    return np.stack([np.asarray(table[name][rows], dtype=np.float64) for name in names]).T
 
 
 LARGEST = 1e30  # no measurement in any SI unit is larger; its powers still are numbers

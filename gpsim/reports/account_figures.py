@@ -35,6 +35,7 @@ from gpsim.reports.canvas import (
 )
 from gpsim.reports.diagnosis_figures import COLOURS, Picture, draw_trace
 from gpsim.reports.diagnosis_text import listed, noun
+from gpsim.reports.layout import Panels
 from gpsim.reports.quantities import percent, share_text
 
 ROLLOUT, PARTS, MISSING_CURVE = "held_out_rollout", "decomposition", "curve_missing"
@@ -114,7 +115,7 @@ def _decomposition(diagnosis: Diagnosis) -> Picture:
     """One stacked bar, and what its parts are below it."""
     found = parts(diagnosis)
     rows = math.ceil(len(found) / 2)
-    figure, axes = panels(1, 1, (WIDE, 0.75 + 0.25 * rows))
+    figure, axes = panels(1, 1, (WIDE, 0.75 + 0.25 * rows), Panels())
     axis: Axes = axes[0, 0]
     at, whole = 0.0, max(sum(part.share for part in found), 1e-300)
     for part in found:
@@ -149,13 +150,12 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     trace = traces.traces[-1]
     names = {"": "real", **{model: name for model, name in NAMES.items() if model != EFFECTS or corrected}}
     shown = traces.shown[:CHANNELS]
-    figure, axes = panels(len(shown), 1, (WIDE, 0.9 + 1.35 * len(shown)), sharex="col")
+    figure, axes = panels(len(shown), 1, (WIDE, 0.9 + 1.35 * len(shown)), Panels(), sharex="col")
     for i, axis in enumerate(axes[:, 0]):
         draw_trace(axis, trace, i, names, 1.4)
         channel = state.items[traces.shown[i]]
         axis.set_ylabel(beside(channel.name, channel.unit))
     axes[-1, 0].set_xlabel("t [s]")
-    figure.align_ylabels()
     legend_above(figure, axes[0, 0], markerscale=2)
     which = "The median held-out stretch" if trace.place else "The held-out stretch"
     return Picture(
@@ -170,7 +170,7 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
 def _curve(curve: Curve) -> Picture:
     """The free curve with its band, and the laws that it stands in for."""
     at = np.asarray(curve.at)
-    figure, axes = panels(1, 1, (WIDE, 3.0))
+    figure, axes = panels(1, 1, (WIDE, 3.0), Panels())
     axis: Axes = axes[0, 0]
     _band(axis, curve)
     free = "free curve" if curve.effects else "what is missing"
@@ -215,7 +215,7 @@ def measured_picture(effect: NamedEffect) -> Picture:
     """The curve over its input, of a map some slices."""
     curve = effect.curve
     assert curve is not None
-    figure, axes = panels(1, 1, (WIDE, 3.0))
+    figure, axes = panels(1, 1, (WIDE, 3.0), Panels())
     axis: Axes = axes[0, 0]
     if curve.second_at is None:
         _draw_measured(axis, curve)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, MissingLaw, NamedEffect, sized
-from gpsim.diagnosis.settings import LackOfFitSettings, VerdictSettings
+from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import beyond, claim_name, effect_name, told_effects
 from gpsim.reports.diagnosis_text import combination_texts, listed, parameters_of
@@ -104,6 +104,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
     return f"something is missing; the best explanation covers {said} of it, too little to name it."
 
 
+SIGNIFICANT = 1e-6  # p-value below which chance has not made a missing law, in files of earlier versions
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
 MOST_FACTS = 3  # of the log, and of parameters that only act together: further ones are in diagnosis.json
 
@@ -153,7 +154,7 @@ def hangs_on(diagnosis: Diagnosis) -> list[str]:
 
 def is_missing(law: MissingLaw) -> bool:
     """Whether chance has not made a missing law."""
-    return law.p_value < LackOfFitSettings().significance
+    return law.p_value < SIGNIFICANT
 
 
 def left_share(diagnosis: Diagnosis) -> float | None:

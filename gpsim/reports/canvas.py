@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -28,6 +28,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont
 from matplotlib.ft2font import FT2Font
+from matplotlib.layout_engine import LayoutEngine
 from matplotlib.text import Text
 
 from gpsim.reports.quantities import LONGEST, shortened
@@ -173,9 +174,15 @@ def style() -> Iterator[None]:
         yield
 
 
-def panels(rows: int, columns: int, size: tuple[float, float], **kwargs: object) -> tuple[Figure, np.ndarray]:
+def panels(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    layout: LayoutEngine | Literal["constrained"] = "constrained",
+    **kwargs: object,
+) -> tuple[Figure, np.ndarray]:
     """A figure of (width, height) inches and its axes, always (rows, columns)."""
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout=layout)
     FigureCanvasAgg(figure)
     axes: np.ndarray = figure.subplots(rows, columns, squeeze=False, **kwargs)  # type: ignore[call-overload]
     return figure, axes
@@ -202,7 +209,12 @@ def png(figure: Figure, dpi: float = 110.0) -> bytes:
     stream = io.BytesIO()
     make_literal(figure)
     with style():
-        figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+        figure.set_dpi(dpi)
+        if (layout := figure.get_layout_engine()) is not None:
+            layout.execute(figure)  # `savefig` would draw everything twice for that
+            figure.set_layout_engine("none")
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(stream, metadata={"Software": None})
     return stream.getvalue()
 
 

@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
 from gpsim.reports.canvas import FAINT, LABEL, LONGEST_UNIT, beside, legend_above, named, panels, png, style
+from gpsim.reports.layout import Panels
 from gpsim.reports.quantities import in_percent, number, shortened
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
@@ -118,7 +119,7 @@ def _inputs(found: Outcome) -> bytes:
     low, high = np.quantile(before, [0.002, 0.998])
     margin = 0.15 * (high - low) + 1e-12
     outside = float(np.mean((before < low - margin) | (before > high + margin)))
-    figure, axes = panels(1, len(telling), (9.0, 3.6))
+    figure, axes = panels(1, len(telling), (9.0, 3.6), Panels())
     for axis, name in zip(axes[0], telling, strict=True):
         column = names.index(name)
         shown = {BASE: before} | ({EFFECTS: after} if found.judgement.leader.hypothesis.terms else {})
@@ -141,7 +142,7 @@ def _inputs(found: Outcome) -> bytes:
 
 def _over_time(found: Outcome, course: Course) -> bytes:
     channel = found.question.everything.simulator.state.items[course.channel]
-    figure, axes = panels(1, 1, (9.0, 3.2))
+    figure, axes = panels(1, 1, (9.0, 3.2), Panels())
     at = course.t if course.session else np.arange(len(course.t))
     for label, size in course.sizes.items():
         axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, color=COLOURS[label], label=label)
@@ -155,7 +156,7 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
     """One column a stretch, one row a channel."""
     channels = [found.question.everything.simulator.state.items[i] for i in traces.shown]
     rows, columns = len(channels), max(len(traces.traces), 1)
-    figure, axes = panels(rows, columns, (4.8 * columns + 0.6, 1.0 + 2.0 * rows), sharex="col")
+    figure, axes = panels(rows, columns, (4.8 * columns + 0.6, 1.0 + 2.0 * rows), Panels(), sharex="col")
     for trace, column in zip(traces.traces, axes.T, strict=True):
         column[0].set_title(_heading(trace), pad=20)
         column[-1].set_xlabel(_clock(found))
@@ -167,7 +168,6 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
             axis.annotate(f"RMS error: {said_of}", *place, fontsize=8, color=FAINT)
     for axis, channel in zip(axes[:, 0], channels, strict=True):
         axis.set_ylabel(beside(channel.name, channel.unit))
-    figure.align_ylabels()
     legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
-import pandas as pd
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording, evenly, read_bare_table, recording_of
+from gpsim.recordings import Recording, columns_of, evenly, read_bare_table, recording_of
 from gpsim.simulators import SIMULATORS, Simulator
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RATES_LOOKED_AT = 300  # recorded rows at which a simulator's rates must be finite, beside the extreme ones
 OWN_DT = 0.1  # relative difference that jitter may make between a recording's dt and its median step
@@ -146,7 +148,7 @@ def table_recording(
     table: pd.DataFrame, where: str, simulator: Simulator, dt: float | None = None
 ) -> Recording:
     """A table that is there already, which messages call `where`; dt: as for `recording_of`."""
-    return recording_of(table, where, dt=dt, **_described(simulator))
+    return recording_of(columns_of(table), where, dt=dt, **_described(simulator))
 
 
 def _described(simulator: Simulator) -> _Described:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, columns_beside, wrap_angle
 from gpsim.errors import UsageError
@@ -14,6 +14,9 @@ from gpsim.recordings import OverGaps, Recording, Transitions, gaps
 from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies, not_finite
 from gpsim.residuals.split import held_out_rows, holding_out
 from gpsim.simulators import Integrator, Simulator
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -153,6 +156,8 @@ def to_table(residuals: Residuals) -> pd.DataFrame:
 
     An input that is called as one of the others is `input.NAME`.
     """
+    import pandas as pd  # here: half a second that most commands need not wait for
+
     columns = {"episode": residuals.episode, "t": residuals.t}
     inputs = _input_columns(residuals.channels, residuals.rate)
     columns |= {name: residuals.inputs[:, i] for i, name in enumerate(inputs)}

@@ -14,7 +14,6 @@ from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
-from gpsim.diagnosis.kinematics import calibrate
 from gpsim.diagnosis.report import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.settings import Known, Settings
@@ -210,6 +209,8 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
     with blamed(simulator.name):
         seen = None
         if isinstance(simulator, MjcfSimulator) and len(recording.poses):
+            from gpsim.diagnosis.kinematics import calibrate  # SciPy's splines: few recordings need them
+
             question.progress(0, 100, "where the motion capture saw its sites")
             seen = calibrate(recording, simulator)
             simulator = simulator.in_geometry(seen.moved) if seen else simulator

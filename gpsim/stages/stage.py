@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shlex
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -16,7 +17,7 @@ import numpy as np
 import gpsim
 from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import Terminated, UsageError
-from gpsim.files import Json, file_digest
+from gpsim.files import Json
 from gpsim.mjcf import files_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
@@ -28,10 +29,13 @@ APART = ("cli", "conf", "face", "launchers", "trials")
 
 def sources_digest(root: Path) -> str:
     """sha256 over the path and content of every module below `root`, those in the folders of APART left out."""
-    paths = {path.relative_to(root).as_posix(): path for path in root.rglob("*.py")}
+    found = [
+        f"{folder}/{name}" for folder, _, names in os.walk(root) for name in names if name.endswith(".py")
+    ]
+    names = sorted(path.removeprefix(f"{root}/") for path in found)
     lines = [
-        f"{name} {file_digest(path)}\n"
-        for name, path in sorted(paths.items())
+        f"{name} {hashlib.sha256((root / name).read_bytes()).hexdigest()}\n"
+        for name in names
         if name.split("/")[0] not in APART
     ]
     return hashlib.sha256("".join(lines).encode()).hexdigest()

@@ -38,16 +38,9 @@ def test_from_new_to_a_recording_of_it_and_a_name(monkeypatch, capfd, tmp_path):
     assert said.count(" yes") == 5
     code, said, _ = called(monkeypatch, capfd, "effects", "show", "rubber_band.py", "--json")
     assert json.loads(said)["parameters"]["weight"]["unit"] == "N/m"
-    words = ["'diagnose.families.only=[viscous_friction]'".strip("'"), "diagnose.search.budget=1e7"]
-    few = [
-        "diagnose.stepwise.total_budget=1e7",
-        "diagnose.form.rounds=1",
-        "diagnose.form.windows=40",
-        "--cores",
-        "1",
-    ]
+    few = ["diagnose.families.only=[viscous_friction]", "--cores", "1"]
     code, said, err = called(
-        monkeypatch, capfd, "diagnose", "band", "--effects", "rubber_band.py", "--out", "found", *words, *few
+        monkeypatch, capfd, "diagnose", "band", "--effects", "rubber_band.py", "--out", "found", *few
     )
     assert code == 0, err
     content = json.loads((tmp_path / "found" / "diagnosis.json").read_text())

@@ -33,7 +33,7 @@ def asked(recording, settings=None):
         recording,
         simulator,
         simulator.defaults(recording.parameters),
-        (settings or Settings()).angles,
+        (settings or Settings()).log_facts,
     )
 
 
@@ -55,8 +55,8 @@ def test_an_angle_that_is_not_what_it_says_is_asked_for_first(factors, shift, sa
     recording = recorded(*factors, shift=shift)
     with pytest.raises(UsageError, match=said) as refused:
         asked(recording)
-    assert "diagnose.angles.asked=false" in str(refused.value)
-    asked(recording, read_settings({"angles": {"asked": False}}))
+    assert "diagnose.log_facts.angles=false" in str(refused.value)
+    asked(recording, read_settings({"log_facts": {"angles": False}}))
 
 
 @pytest.mark.parametrize(

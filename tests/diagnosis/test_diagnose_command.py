@@ -47,7 +47,7 @@ def test_it_prints_the_account_its_parts_in_order(diagnosed):
     account, ranked = said[said.index("Verdict  ") :].split("Every hypothesis", 1)  # behind what stderr says
     heads = [line.split()[0] for line in account.splitlines() if line[:1].strip()]
     assert heads == ["Verdict", "Where", "What", "Left", "Fit", "Next"]
-    assert account.startswith("Verdict  ambiguous: ")
+    assert account.startswith(("Verdict  ambiguous: ", "Verdict  named: "))  # a mass as well as a gain
     assert f"gpsim.Diagnosis.load({str(out)!r}).corrected()" in account or "'DIR'" in account
     assert "nats" not in account
     assert "nats behind the best" in ranked
@@ -66,19 +66,18 @@ def test_it_is_exported_without_a_word_about_where_its_recording_lies(diagnosed)
 def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagnosed):
     out, said = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
-    best, *others = report["ranking"]
+    best = report["ranking"][0]
     options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
     assert best["effects"] in [[[e["family"], e["on"]] for e in option] for option in options]
     assert best["windows"] == "all"
     assert best["nats_behind"] == 0.0
-    assert [] in [entry["effects"] for entry in others]
     for windows in ("all", "search"):
         behind = [entry["nats_behind"] for entry in report["ranking"] if entry["windows"] == windows]
         assert behind == sorted(behind)
     ranked, decided = said.split("Every hypothesis", 1)[1].split("Every decision", 1)
     assert sum(line.startswith("  ") for line in ranked.splitlines()) == len(report["ranking"])
     trace = [json.loads(line) for line in (out / "trace.jsonl").read_text().splitlines()]
-    assert {"search", "refit"} <= {decision["step"] for decision in trace}
+    assert {"rung 1"} <= {decision["step"] for decision in trace}
     for decision in trace:
         assert decision["rule"] in decided
 
@@ -124,14 +123,13 @@ def test_the_files_keep_the_contract(diagnosed):
     assert errors["after"] < errors["before"]
     assert errors["after"] < 1.3 * errors["noise_floor"]
     assert {p.name for p in (out / "figures").iterdir()} == {
-        "curve_1.png",
         "decomposition.png",
         "held_out_rollout.png",
         "residual_inputs.png",
         "residual_time.png",
         "traces.png",
     }
-    assert "Verdict: ambiguous" in (out / "report.html").read_text()
+    assert f"Verdict: {report['verdict']}" in (out / "report.html").read_text()
 
 
 def test_the_file_is_what_the_schema_and_the_object_say(diagnosed):

@@ -1,19 +1,13 @@
 """What began with an episode of a recording whose episodes each have a clock of their own."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.selection.change_points import onsets
-from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.term import EPISODE, IN_EPISODE, from_json, to_json
@@ -37,16 +31,6 @@ def changed(world, *, session=False):
     return replace(before, episodes=(*before.episodes[:FIRST], *after.episodes[FIRST:]))
 
 
-@cache
-def asked(session=False):
-    """The problem of one that is dragged from an episode on, and what may be added."""
-    recording = changed(DRAGGED, session=session)
-    known = SLIDER.defaults(recording.parameters)
-    question = prepare(recording, SLIDER, known)
-    return question.everything, candidates(question.recording, SLIDER, known)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("world", "family", "value"),
     [
@@ -79,42 +63,14 @@ def test_a_session_says_when_and_not_which_episode():
     assert effect.since == pytest.approx(began, abs=1.0)
 
 
-@pytest.mark.parametrize("near", [FIRST - 2, FIRST - 1, FIRST, FIRST + 1])
-def test_the_episode_is_found_from_one_nearby(near):
-    problem, offers = asked()
-    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
-    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared).gated(0, Gate(since_episode=near))
-    found = placed(problem, fit(problem, hypothesis, problem.windows.measured[:, 0]), 0, 0.1, 1e-3)
-    assert found.hypothesis.terms[0].gate == Gate(since_episode=FIRST)
-
-
-def test_windows_may_miss_the_episode():
-    """A first look is taken at a few of the windows only."""
-    problem, offers = asked()
-    some = problem.on(problem.windows.take(~np.isin(problem.windows.episode, (FIRST, FIRST + 1))))
-    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
-    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared).gated(0, Gate(since_episode=FIRST))
-    at = fit(some, hypothesis, some.windows.measured[:, 0])
-    found = placed(some, at, 0, 0.1, 1e-3)
-    assert found.objective <= at.objective
-    assert found.hypothesis.terms[0].gate.since_episode in (FIRST, FIRST + 2)
-
-
-def test_one_linearisation_tells_the_episode():
-    problem, offers = asked()
-    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
-    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared)
-    everywhere = fit(problem, hypothesis, problem.windows.measured[:, 0])
-    best = max(onsets(problem, everywhere, [0]), key=lambda o: o.gain)
-    assert best.gate == Gate(since_episode=FIRST)
-    assert best.theta == pytest.approx([1.0], abs=0.3)
-
-
 def test_clocks_of_their_own_are_seen():
-    windows = asked()[0].windows
+    windows, session = (
+        prepare(r, SLIDER, SLIDER.defaults(r.parameters)).everything.windows
+        for r in (changed(DRAGGED), changed(DRAGGED, session=True))
+    )
     assert windows.own_clocks
     assert not windows.take(windows.episode == 3).own_clocks
-    assert not asked(session=True)[0].windows.own_clocks
+    assert not session.own_clocks
 
 
 def test_a_gate_in_episodes_opens_once_and_stays_open():

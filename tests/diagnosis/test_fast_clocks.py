@@ -9,7 +9,7 @@ from gpsim.channels import Channels
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import DecimationSettings, Known
+from gpsim.diagnosis.settings import Known, WindowSettings
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
@@ -17,12 +17,13 @@ from .truths import mechanical
 from .worlds import World, record
 
 FEW = ("coulomb_friction", "stribeck_friction", "viscous_friction", "quadratic_drag")
+PACE = WindowSettings().pace
 FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction")
 
 
 def test_blocks_are_samples_and_mean_commands():
     recording = record(World("slider"), episodes=2, steps=205, dt=0.001, hold=50)
-    slow, every = thinned(recording, DecimationSettings())
+    slow, every = thinned(recording, PACE)
     assert every == 10
     assert slow.dt == pytest.approx(0.01)
     for before, after in zip(recording.episodes, slow.episodes, strict=True):
@@ -36,7 +37,7 @@ def test_an_uneven_clock_weighs_commands_by_time():
     recording = record(World("slider"), episodes=1, steps=100, dt=0.001, hold=50)
     (episode,) = recording.episodes
     episode.t[1:] += 0.004  # the first command stands for 5 ms
-    (slow,) = thinned(recording, DecimationSettings())[0].episodes
+    (slow,) = thinned(recording, PACE)[0].episodes
     u = episode.actions[:10, 0]
     assert slow.actions[0, 0] == pytest.approx((5 * u[0] + u[1:].sum()) / 14)
 
@@ -45,7 +46,7 @@ def test_a_free_swing_is_thinned_too():
     """A recording without commands at 1 kHz: nothing can be hidden."""
     recording = record(World("slider"), episodes=2, steps=205, dt=0.001, hold=50)
     bare = tuple(replace(episode, actions=episode.actions[:, :0]) for episode in recording.episodes)
-    slow, every = thinned(replace(recording, action=Channels(()), episodes=bare), DecimationSettings())
+    slow, every = thinned(replace(recording, action=Channels(()), episodes=bare), PACE)
     assert every == 10
     assert [episode.actions.shape for episode in slow.episodes] == [(20, 0), (20, 0)]
 
@@ -53,7 +54,7 @@ def test_a_free_swing_is_thinned_too():
 @pytest.mark.parametrize(("dt", "hold"), [(0.001, 1), (0.02, 8), (0.01, 50)])
 def test_nothing_is_thinned_where_commands_switch_at_every_sample_or_the_clock_is_slow(dt, hold):
     recording = record(World("slider"), episodes=2, steps=400, dt=dt, hold=hold)
-    same, every = thinned(recording, DecimationSettings())
+    same, every = thinned(recording, PACE)
     assert every == 1
     assert same is recording
 

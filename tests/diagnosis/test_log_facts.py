@@ -10,7 +10,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.data import cut, decimation, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
-from gpsim.diagnosis.settings import DecimationSettings, LogFactSettings, WindowSettings
+from gpsim.diagnosis.settings import LogFactSettings, WindowSettings
 from gpsim.diagnosis.setup import flagged, look, look_at, mended, prepare
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
@@ -267,7 +267,7 @@ def test_weights_are_thinned_with_their_samples(monkeypatch):
     _, recording, wild = spoilt()
     marked = mended(recording, look_at(recording, SETTINGS).left_out)
     monkeypatch.setattr(decimation, "KEPT_SHARE", 0.0)
-    few, every = thinned(replace(marked, dt=0.001), DecimationSettings(pace=0.002))
+    few, every = thinned(replace(marked, dt=0.001), 0.002)
     assert every == 2
     for episode, mask in zip(few.episodes, wild, strict=True):
         np.testing.assert_array_equal(episode.weights[:, 0] == 0, mask[::2])

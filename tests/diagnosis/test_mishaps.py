@@ -13,6 +13,7 @@ from gpsim.artifacts.artifact import read_artifact
 from gpsim.artifacts.mishaps import Mishaps, read_warnings
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
+from gpsim.diagnosis.judging import attribute
 from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
@@ -90,7 +91,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert said.err.splitlines() == [f"warning: {line}" for line in lines]
     assert said.out.startswith("Verdict  ")
     assert [(made / name).read_bytes() for name in RESULTS] == results
-    left = {"curve_1.png", "decomposition.png", "residual_time.png"}
+    left = {"decomposition.png", "residual_time.png"}
     assert {p.name for p in (made / "figures").iterdir()} == left
     page = (made / "report.html").read_text()
     assert page.count("<img") == len(left)
@@ -111,7 +112,8 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
         patched.setattr(comparing, "learn", broken)
         (found,) = searched
         judgement = replace(found.judgement, structured=True)
-        compared = comparing.compare(found.question, judgement, [], np.random.default_rng(0), judgement.noise)
+        worth = attribute(found.question, judgement.leader, judgement.null, judgement.without, judgement.gains)
+        compared = comparing.compare(found.question, judgement, worth, [], np.random.default_rng(0))
     assert compared.corrected is None
     assert compared.why_no_gp == NoGp("not fitted")
     assert compared.mishaps == (

@@ -38,7 +38,7 @@ def odd_recording(system):
     )
 
 
-FEW = "diagnose.families.only=[actuator_gain,parameter_offset,viscous_friction]"
+FEW = "diagnose.families.only=[actuator_gain,viscous_friction]"
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,6 @@ def diagnosed(tmp_path_factory):
 def test_the_terminal_prints_the_names_letter_by_letter(diagnosed):
     said = " ".join(diagnosed[1].split())
     assert f"actuator gain on {F}" in said
-    assert "parameter offset on m_{cart}^2 [red]%s[/]" in said
     assert f"{X} 0.27" in said
 
 

@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import DecimationSettings, Known, WindowSettings
+from gpsim.diagnosis.settings import Known, WindowSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
@@ -160,7 +160,7 @@ def test_an_episode_of_a_few_samples_does_not_keep_a_fast_clock_fast():
     first = recording.episodes[0]
     short = Episode("short", first.t[:4], first.states[:4], first.actions[:3])
     mixed = replace(recording, episodes=(*recording.episodes[:2], short, recording.episodes[2]))
-    slow, every = thinned(mixed, DecimationSettings())
+    slow, every = thinned(mixed, WindowSettings().pace)
     assert every == 10
     assert [len(e) for e in slow.episodes] == [40, 40, 0, 40]  # the numbers of held-out episodes stay right
 

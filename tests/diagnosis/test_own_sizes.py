@@ -7,20 +7,16 @@ import pytest
 from rich_diagnoses import friction, named, size
 
 from gpsim.diagnosis.assessment.estimates import estimates
-from gpsim.diagnosis.fitting import Fit
+from gpsim.diagnosis.fitting import Shooting
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.size_prior import size_prior
 from gpsim.diagnosis.report import Odds, contradictions, no_size, sized
 from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.effects import EffectParameter, Place, Term, own_name
+from gpsim.effects import EffectParameter, Place, Term
 from gpsim.recordings import joined
 from gpsim.reports.wording import implausible_text
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
-
-RATIO = EffectParameter("ratio", "1", 0.1, 50.0, (1.3,), 0.1, none=1.0, plausible=(0.25, 4.0))
-OWN_RATIO = replace(RATIO, name=own_name("ratio", 1))
 
 
 def test_an_own_size_counts_from_the_value_that_does_nothing():
@@ -33,16 +29,6 @@ def test_an_own_size_counts_from_the_value_that_does_nothing():
 def test_where_an_effect_acts_is_no_size_in_one_recording_either():
     """A spring's rest position may be known, its stiffness is what counts."""
     assert not sized("spring", {"stiffness@0": size(0.1, 1.1, "N/m"), "rest_position@0": size(1.0, 0.1, "m")})
-
-
-def test_what_is_unusual_in_two_recordings_costs_once():
-    def cost(declared, **values):
-        return size_prior(Hypothesis((Term("parameter_offset", "mass", values),), (declared,)))
-
-    shared = cost((RATIO,), ratio=8.0)
-    assert shared > 0.0
-    assert cost((RATIO, OWN_RATIO), **{"ratio": 8.0, "ratio@1": 7.0}) == shared
-    assert cost((RATIO, OWN_RATIO), **{"ratio": 1.2, "ratio@1": 8.0}) == shared
 
 
 def test_a_file_is_held_to_what_it_says_of_each_recording():
@@ -73,9 +59,7 @@ def sizes_of(question, hypothesis):
     """What is told of its only term, as it stands."""
     problem = question.everything
     starts = problem.windows.measured[:, 0]
-    residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
-    variance = (residuals**2).mean(axis=(0, 1))
-    (sizes,) = estimates(question, Fit(hypothesis, starts, residuals, variance, 0.0, True), None, 0.0)
+    (sizes,) = estimates(question, Shooting(problem).at(hypothesis, starts), 0.0)
     return sizes
 
 

@@ -34,22 +34,21 @@ def test_every_setting_has_a_unit_a_meaning_and_an_origin():
 
 
 def test_settings_are_changed_one_by_one():
-    changed = read_settings({"acceptance": {"per_term": 6}})
-    assert changed.acceptance.per_term == 6.0
-    assert dataclasses.replace(changed.acceptance, per_term=4.0) == Settings().acceptance
+    changed = read_settings({"laws": {"unusual": 6}})
+    assert changed.laws.unusual == 6.0
+    assert dataclasses.replace(changed.laws, unusual=Settings().laws.unusual) == Settings().laws
 
 
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"acceptence": {}}, "diagnose: no step 'acceptence' (did you mean 'acceptance'?)"),
-        ({"acceptance": {"per_trem": 3}}, "diagnose.acceptance: no setting 'per_trem' (did you mean 'per_term'?)"),
-        ({"acceptance": {"per_term": "many"}}, "diagnose.acceptance.per_term: expected a number, got 'many'"),
-        ({"search": {"depth": 0}}, "diagnose.search.depth: expected at least 1, got 0"),
-        ({"search": {"fitted_per_depth": [9, -1]}}, "diagnose.search.fitted_per_depth: expected at least 0, got -1"),
-        ({"search": {"fitted_per_depth": []}}, "diagnose.search: fitted_per_depth is empty"),
-        ({"gate_edges": {"narrowing": 5.0}}, "diagnose.gate_edges: no setting 'narrowing'"),
-        ({"acceptance": 3}, "diagnose.acceptance: expected settings"),
+        ({"lawz": {}}, "diagnose: no step 'lawz' (did you mean 'laws'?)"),
+        ({"laws": {"unusul": 3}}, "diagnose.laws: no setting 'unusul' (did you mean 'unusual'?)"),
+        ({"laws": {"unusual": "many"}}, "diagnose.laws.unusual: expected a number, got 'many'"),
+        ({"windows": {"length": 0}}, "diagnose.windows.length: expected at least 1, got 0"),
+        ({"laws": {"share": 1.5}}, "diagnose.laws: share is a share of at most 1, got 1.5"),
+        ({"laws": 3}, "diagnose.laws: expected settings"),
+        ({"acceptance": {"per_term": 6}}, "diagnose.acceptance: went with the old search"),
     ],
 )  # fmt: skip
 def test_what_is_no_setting_is_refused_with_the_nearest(values, said):

@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsim.diagnosis.attribution.importance import _shapley
-from gpsim.diagnosis.attribution.roles import deciding, growth, role_of
-from gpsim.diagnosis.attribution.shares import Mismatch, draws
+from gpsim.diagnosis.judging.attribution import _deciding, _growth, role_of
+from gpsim.diagnosis.judging.importance import _shapley
+from gpsim.diagnosis.judging.shares import Mismatch, draws
 from gpsim.diagnosis.report import Share
-from gpsim.diagnosis.settings import AttributionSettings
+from gpsim.diagnosis.settings import VerdictSettings
 
-SETTINGS = AttributionSettings()
+SETTINGS = VerdictSettings()
 
 
 def mismatch(before, floor, scale=None, times=2.0):
     before, floor = np.array(before, float), np.array(floor, float)
     drawn = draws(len(before), 400, np.random.default_rng(0))
     scale = np.ones(before.shape[1]) if scale is None else np.array(scale, float)
-    return Mismatch(before, floor, scale, np.ones(before.shape[1], bool), times, drawn, SETTINGS)
+    return Mismatch(before, floor, scale, np.ones(before.shape[1], bool), times, drawn)
 
 
 def test_what_noise_makes_is_neither_mismatch_nor_left():
@@ -134,12 +134,12 @@ def test_effects_that_explain_the_same_share_it():
     ],
 )
 def test_a_headline_is_important_and_needed(importance, needed, left, decided, role):
-    assert role_of(importance, needed, left, decided, 1.0, SETTINGS) == role
+    assert role_of(importance.share, needed, left, 0.0, decided, 1.0, SETTINGS) == role
 
 
 def test_what_some_channel_surely_needs_is_a_headline_however_little_it_is_of_the_whole():
     """A cart's dry friction beside a pole that falls: the pole's error decides what is a share of the whole."""
-    little = (Share(0.01, 0.005, 0.02), Share(0.001, -0.002, 0.003), 0.003)
+    little = (0.01, Share(0.001, -0.002, 0.003), 0.003, 0.0)
     assert role_of(*little, 50, 13.0, SETTINGS) == "headline"
     assert role_of(*little, 50, 3.0, SETTINGS) == "slight"
     assert role_of(*little, 2, 13.0, SETTINGS) == "slight"  # in a moment or two
@@ -148,15 +148,15 @@ def test_what_some_channel_surely_needs_is_a_headline_however_little_it_is_of_th
 def test_the_growth_of_an_error_is_that_of_the_channel_in_which_it_grows_most_surely():
     of = mismatch(np.full((10, 2), 1000.0), np.ones((10, 2)))
     left = np.full((10, 2), 4.0)
-    assert growth(of, left, np.full((10, 2), (4.0, 40.0))) == pytest.approx(10.0)
+    assert _growth(of, left, np.full((10, 2), (4.0, 40.0))) == pytest.approx(10.0)
     once = np.full((10, 2), 4.0)
     once[0] = 400.0  # in one block alone
-    assert growth(of, left, once) < 2.0
-    assert growth(of, np.full((10, 2), 0.1), np.full((10, 2), 1.0)) == pytest.approx(1.0)  # within the noise
+    assert _growth(of, left, once) < 2.0
+    assert _growth(of, np.full((10, 2), 0.1), np.full((10, 2), 1.0)) == pytest.approx(1.0)  # within the noise
 
 
 def test_an_effect_decides_where_far_more_is_left_without_it_than_with_it_and_than_noise():
     of = mismatch(np.full((10, 1), 100.0), np.ones((10, 1)))
     squares, without = np.full((10, 1), 2.0), np.full((10, 1), 2.0)
     without[:3], squares[3:5], without[3:5] = 50.0, 0.1, 1.5
-    assert deciding(of, squares, without) == 3
+    assert _deciding(of, squares, without) == 3

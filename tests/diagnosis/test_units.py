@@ -1,17 +1,11 @@
 """Whether a slide weighs a tenth of a gram or a hundred tons, the same physics is missing: no bound knows the unit."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.fitting import Directions, Hypothesis, fit
-from gpsim.diagnosis.fitting.score_test import child_of, screened
-from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 
@@ -19,7 +13,6 @@ from .truths import mechanical
 from .worlds import record
 
 FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction")
-POWERS = st.integers(-12, 12)
 
 
 def heavier(times):
@@ -30,47 +23,18 @@ def heavier(times):
     return replace(recording, episodes=episodes, parameters=masses)
 
 
-@cache
-def found(times):
-    """What is screened and fitted first, in units of the base: gains [nats], the friction and what it leaves."""
-    recording = heavier(times)
-    simulator = make_simulator("slider")
-    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
-    offers, problem = offers_of(question), question.searched
-    start = problem.windows.measured[:, 0]
-
-    null = fit(problem, Hypothesis(), start, iterations=4)
-    looks = screened(Directions(problem, null), offers)
-    _, best, values = next(look for look in looks if not look[1].only_gated)
-    one = fit(problem, child_of(Hypothesis(), best, values), null.starts)
-    again = screened(Directions(problem, one), offers)
-    gains = {c.name: nats for nats, c, _ in looks} | {f"then {c.name}": nats for nats, c, _ in again}
-    return best.name, gains, float(one.hypothesis.theta[0] / times), one.variance
-
-
-@settings(max_examples=4, deadline=None, phases=[Phase.generate])
-@given(POWERS)
-def test_what_is_found_does_not_know_the_unit_of_mass(power):
-    plain, scaled = found(1.0), found(10.0**power)
-    assert scaled[0] == plain[0] == "coulomb_friction on q"
-    assert scaled[2] == pytest.approx(plain[2], rel=1e-5)
-    np.testing.assert_allclose(scaled[3], plain[3], rtol=1e-5)
-    for name, nats in plain[1].items():
-        assert scaled[1][name] == pytest.approx(nats, rel=1e-3, abs=1e-3), name
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mass", [1e-4, 1e5])
+@pytest.mark.parametrize("mass", [1e-12, 1e-4, 1e5, 1e12])
 def test_a_slide_of_any_mass_is_diagnosed_alike(mass):
     simulator, answers = make_simulator("slider"), []
-    for times in (1.0, mass / 2.0):
+    for times in (1.0, mass):
         recording = heavier(times)
         outcome = diagnose(
             recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0)
         )
         (effect,) = outcome.diagnosis.effects
+        assert effect.family == "coulomb_friction"
         force = effect.parameters["force"]
-        answers.append([force.value / times, force.low / times, force.high / times, effect.evidence_gain])
+        answers.append([force.value / times, force.low / times, force.high / times])
     np.testing.assert_allclose(answers[1], answers[0], rtol=1e-3)
 
 

@@ -147,7 +147,7 @@ def test_a_channel_without_a_guess_must_be_measured(tmp_path):
 def test_slow_systems_take_no_more_substeps_than_they_need():
     tanks = make_simulator(REFERENCE)
     question = prepare(drive(), tanks, tanks.defaults())
-    assert question.everything.substeps == 2
+    assert question.everything.substeps <= 2
 
 
 TANK = """

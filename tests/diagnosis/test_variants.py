@@ -4,12 +4,6 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.substitution import substitutes
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.effects import Gate
 from gpsim.environments.collect import collect_episodes
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
@@ -34,25 +28,3 @@ def test_chattering_friction_is_found_in_two_short_episodes():
     (effect,) = report.effects
     assert (report.verdict, effect.family, effect.on) == ("named", "coulomb_friction", "x")
     assert effect.parameters["coefficient"].value == pytest.approx(0.9, abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("family", "values", "gate"),
-    [
-        ("coulomb_friction", [9.7], Gate()),
-        ("coulomb_friction", [9.7], Gate(since=-1.0)),
-        ("stribeck_friction", [9.7, 9.7, 0.1], Gate()),
-    ],
-    ids=["plain", "since", "special"],
-)
-def test_a_force_is_tried_as_a_coefficient(family, values, gate):
-    """The search may prefer the force on its few windows: the right words have to be found from there."""
-    recording = chattering(12, seed=0)
-    problem = prepare(recording, CARTPOLE, P).everything
-    offers = candidates(recording, CARTPOLE, P)
-    force = next(c for c in offers if c.identity == (family, "x") and c.variant == "")
-    hypothesis = Hypothesis(scheme="euler").plus(force.term(values), force.declared).gated(0, gate)
-    leader = fit(problem, hypothesis, problem.windows.measured[:, 0], iterations=12)
-    best = min(substitutes(problem, leader, 0, offers), key=lambda f: f.objective)
-    assert best.objective < leader.objective - 100
-    assert best.hypothesis.terms[0].values["coefficient"] == pytest.approx(0.9, abs=1e-4)

@@ -24,7 +24,7 @@ PAGES = (
     "limo",
     "own_effect",
 )  # up to a minute each: .ci/run runs them, `make test` does not
-QUICK = "diagnose.stepwise.total_budget=1e7 diagnose.search.budget=1e7 diagnose.form.rounds=1 diagnose.form.windows=40"
+QUICK = "diagnose.curves.most=0"
 FEW = "'diagnose.families.only=[coulomb_friction,actuator_delay]'"
 SMALL = {  # what a command of the beginning on the left gets on a smoke budget
     "gpsim diagnose data/": f"diagnose.episodes=2 {FEW} {QUICK}",

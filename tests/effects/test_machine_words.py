@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import gpsim
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import Known, read_settings
+from gpsim.diagnosis.settings import Known
 from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.diagnosis.setup.readings import stands, telling, unread
 from gpsim.effects import FAMILIES, Chain, Place, Term
@@ -258,12 +258,9 @@ def test_a_short_world_of_each_is_named_with_its_sizes(family):
         system.name, simulator.state, simulator.action, episodes, world.dt, world.parameters, "rk4",
         noise=world.noise,
     )  # fmt: skip
-    few = read_settings({"stepwise": {"total_budget": 1e7}, "search": {"budget": 1e7}})
     beside = ("understeer",) if system.vehicle else ("viscous_friction", "spring")
     known = Known(only=(family, "actuator_gain", *beside))
-    answer = diagnose(
-        recording, simulator, simulator.defaults(world.parameters), rng, run=Run(settings=few, known=known)
-    )
+    answer = diagnose(recording, simulator, simulator.defaults(world.parameters), rng, run=Run(known=known))
     (said,) = answer.diagnosis.effects
     assert (said.family, said.place) == (family, place)
     for name, value in effect.values.items():

@@ -134,7 +134,7 @@ def test_a_score_on_a_recording_that_it_does_not_know(made):
 @pytest.mark.parametrize(
     ("named", "said"),
     [
-        ({"settings": {"serach": {}}}, "diagnose: no step 'serach' (did you mean 'search'?)"),
+        ({"settings": {"lwas": {}}}, "diagnose: no step 'lwas' (did you mean 'laws'?)"),
         ({"known": {"fixed": {}}}, "diagnose.known: no setting 'fixed'"),
         ({"known": {"fix": {"weight": 1.0}}}, "'weight'"),
         ({"families": {"only": "spring"}}, "diagnose.families.only: expected a list"),

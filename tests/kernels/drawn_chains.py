@@ -8,7 +8,7 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Pushes
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import Settings, SharingSettings
+from gpsim.diagnosis.settings import Settings, WindowSettings
 from gpsim.effects import FAMILIES, Gate, Place, Term
 from gpsim.kernels import program_of
 from gpsim.simulators import Simulator, make_simulator
@@ -81,7 +81,7 @@ def both(
     starts[:, 2] = 0.0  # at rest
     said = []
     for compiled in (True, False):
-        run = Run(settings=Settings(sharing=SharingSettings(compiled=compiled)))
+        run = Run(settings=Settings(windows=WindowSettings(compiled=compiled)))
         said.append(simulate(run, chain, windows, starts, what.hypothesis.spread, what.thetas, n, pushes))
     return said[0], said[1]
 

@@ -8,8 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_chains import windows_of
 
-from gpsim.diagnosis.settings import SharingSettings, read_settings
+from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import read_settings
 from gpsim.effects import Chain
 from gpsim.kernels import compiling, marching
 from gpsim.simulators import make_simulator
@@ -109,17 +112,25 @@ def test_nobody_pays_for_it_who_simulates_nothing() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_setting_turns_it_off() -> None:
-    off = read_settings({"sharing": {"compiled": False}}).sharing
-    assert simulating._program(off, CHAIN) is None
-    assert simulating._program(SharingSettings(), CHAIN) is not None
+def compiles(monkeypatch: pytest.MonkeyPatch, run: Run) -> bool:
+    """Whether a simulation of windows asks compiled code."""
+    asked, simulated = [], simulating.simulated
+    monkeypatch.setattr(simulating, "simulated", lambda *given: asked.append(1) or simulated(*given))
+    windows, what = windows_of(SLIDER, np.random.default_rng(0)), np.empty((1, 0))
+    simulating.simulate(run, CHAIN, windows, windows.measured[None, :, 0], Hypothesis().spread, what, 1)
+    return bool(asked)
+
+
+def test_a_setting_turns_it_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert compiles(monkeypatch, Run())
+    assert not compiles(monkeypatch, Run(read_settings({"windows": {"compiled": False}})))
 
 
 def test_without_numba_it_is_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(marching, "find_spec", lambda name: None)
     marching.can_compile.cache_clear()
     try:
-        assert simulating._program(SharingSettings(), CHAIN) is None
+        assert not compiles(monkeypatch, Run())
     finally:
         marching.can_compile.cache_clear()
 

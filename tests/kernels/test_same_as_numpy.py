@@ -23,25 +23,11 @@ from drawn_chains import (
 from gpsim.channels import Channels
 from gpsim.diagnosis.fitting import Hypothesis, Pushes
 from gpsim.diagnosis.fitting.simulate import simulate
-from gpsim.diagnosis.form.basis import Basis
-from gpsim.diagnosis.form.laws import (
-    FREE,
-    CurveTerm,
-    FreeCommand,
-    FreeDrive,
-    FreeForce,
-    FreeGrip,
-    FreeRate,
-    FreeSlip,
-    FreeTurn,
-    HatGate,
-)
-from gpsim.diagnosis.run import Run, Workers
+from gpsim.diagnosis.run import Run
 from gpsim.effects import (
     FAMILIES,
     ActuatorEffect,
     Chain,
-    Effect,
     Gate,
     ModelEffect,
     Place,
@@ -153,47 +139,6 @@ def test_random_chains(name: str, seed: int) -> None:
         the_same(simulator, windows, drawn(simulator, wanted, scheme, rng), int(rng.integers(1, 4)))
 
 
-def curves(name: str, rng: np.random.Generator) -> list[Term]:
-    """Free laws at every site that has compiled ones, some behind gates that open gradually."""
-    simulator = make_simulator(name)
-    knots, jump = (-1.0, -0.2, 0.4, 1.5), (-1.0, 0.0, 0.0, 1.2)
-    one, two = Basis((knots,)), Basis((knots, (-0.7, 0.1, 0.9)))
-    along = simulator.state.names[0]
-    gate = [Gate(), HatGate(along=along, knots=knots, place=1), HatGate(since=2.62, along=along, knots=knots)]
-    out: list[tuple[Effect, str, Basis]] = []
-    for c in simulator.coordinates[:2]:
-        out += [
-            (FreeForce(one, of_speed=True), c.name, one),
-            (FreeForce(one, False, wraps=True), c.name, one),
-        ]
-        dry = Basis((jump,))
-        out += [(FreeGrip(dry, of_speed=True), c.name, dry), (FreeGrip(one, of_speed=False), c.name, one)]
-    inputs = (0, len(simulator.state))
-    out.append((FreeRate(two, 0, inputs, (True, False)), simulator.rate.names[0], two))
-    out.append((FreeDrive(two, 0, inputs, (False, False)), simulator.action.names[0], two))
-    if not simulator.coordinates:
-        laws = (
-            Term("understeer", "vehicle", {"gradient": 0.3}),
-            Term("steering_bias", "vehicle", {"curvature": 0.2}),
-        )
-        out += [(FreeTurn(two, laws), "vehicle", two), (FreeTurn(two), "vehicle", two)]
-        out.append((FreeSlip(two, (Term("lateral_slip", "vehicle", {"slip": 0.2}),)), "vehicle", two))
-    return [
-        CurveTerm(FREE, on, {n: float(rng.uniform(0.0, 0.5)) for n in basis.names}, gate[i % 3], "", law)
-        for i, (law, on, basis) in enumerate(out)
-    ]
-
-
-@pytest.mark.parametrize("name", SIMULATORS)
-def test_free_curves(name: str) -> None:
-    rng = np.random.default_rng(3)
-    simulator = make_simulator(name)
-    windows = windows_of(simulator, rng)
-    for i, term in enumerate(curves(name, rng)):
-        hypothesis = Hypothesis((term,), ((),), SCHEMES[i % 4] if i % 2 else "fine")
-        the_same(simulator, windows, Drawn(hypothesis.terms, hypothesis, np.empty((COPIES, 0))), 2)
-
-
 def measured(name: str, rng: np.random.Generator) -> list[Term]:
     """Measured curves at every site that a system has."""
     simulator = make_simulator(name)
@@ -278,7 +223,7 @@ def test_threads_make_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     starts = np.repeat(windows.measured[None, :, 0], COPIES, axis=0)
     monkeypatch.setattr(marching, "WORTH_A_THREAD", 10)
     said = [
-        simulate(Run(Workers(count)), chain, windows, starts, what.hypothesis.spread, what.thetas, 2)
+        simulate(Run(threads=count), chain, windows, starts, what.hypothesis.spread, what.thetas, 2)
         for count in (1, 3)
     ]
     assert said[0].tobytes() == said[1].tobytes()
@@ -309,10 +254,6 @@ def test_what_may_be_zero_differs_by_a_sum() -> None:
 
 def test_what_has_no_compiled_form_falls_back() -> None:
     simulator = make_simulator("slider")
-    basis = Basis(((-1.0, 1.0),))
-    drawn_in = Gate({"q": (0.0, 1.0)})
-    looking = CurveTerm(FREE, "force", {"c0": 0.1, "c1": 0.2}, drawn_in, "", FreeCommand(basis))
-    assert program_of(Chain(simulator, simulator.defaults(), (looking,), "fine", DT)) is None
 
     class Own(Slider):
         """A user's."""

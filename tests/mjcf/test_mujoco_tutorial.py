@@ -15,9 +15,8 @@ PAGE = (ROOT / "docs" / "tutorial" / "mujoco.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(sh|python)\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
 DIAGNOSE = "gpsim diagnose data/arm.csv"
 QUICK = (
-    "diagnose.episodes=2 'diagnose.families.only=[coulomb_friction on elbow]' diagnose.stepwise.total_budget=1e6 "
-    "diagnose.search.budget=1e6 diagnose.form.rounds=1 diagnose.form.windows=20 diagnose.closed_step.fitted=16 "
-    "diagnose.closed_step.searched=8"
+    "diagnose.episodes=2 'diagnose.families.only=[coulomb_friction on elbow]' diagnose.curves.most=0 "
+    "diagnose.closed_step.fitted=16 diagnose.closed_step.searched=8"
 )
 LESS = {"learn(6_000)": "learn(60)", "learning_starts=500": "learning_starts=20"}
 

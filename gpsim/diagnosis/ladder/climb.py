@@ -22,13 +22,14 @@ from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
+from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.ladder.telling import told
 from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Measured, Term, closed
 
-FINER = 4  # times as many substeps as the search takes, on which what is left is judged
+FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH = 10  # rounds of the last fit
 WITHOUT = 4  # rounds of the fit of an account with one law less
 BY_CHANCE = 1e-2  # p-value of whiteness below which something is left over
@@ -68,8 +69,8 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     search.unusual()
     search.eliminate()
     gated(search)
-    search.swap()
     _finer(search)
+    search.swap()
     search.require()
     search.judge_held_out()
     step("rung 2", 65, "asking each recording")
@@ -87,7 +88,11 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
 def _usual_machine(question: Question, laws: list[Law]) -> Search:
     """Rung 1."""
     search = Search(question.searched, question.held_out, laws)
-    search.usual()
+    sized = None
+    if closed(question.everything.simulator) is not None:
+        offers = [law.candidate for law in laws if not law.candidate.variant]
+        sized = by_inverse_dynamics(question.everything, question.recording, offers)
+    search.usual({} if sized is None else sized.values)
     search.in_base_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     search.eliminate()
     return search
@@ -135,7 +140,7 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
         leader,
         null,
         tuple(f.hypothesis for f in without),
-        tuple(f.cost - leader.cost for f in without),
+        tuple(_worth(f, leader, i, ranking) for i, f in enumerate(without)),
         fits,
         probabilities_of(rivals),
         tuple(ranking),
@@ -164,6 +169,13 @@ def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
         ]
         out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
     return tuple(out)
+
+
+def _worth(part: Fit, leader: Fit, index: int, ranking: list[Tried]) -> float:
+    """Nats that a term is worth: against the account without it, and against the best other account that lacks it."""
+    claim = leader.hypothesis.terms[index].identity
+    others = [r.behind for r in ranking if claim not in r.hypothesis.claims and not r.refused]
+    return min([part.cost - leader.cost, *others])
 
 
 def _with_held_curves(hypothesis: Hypothesis) -> Hypothesis:

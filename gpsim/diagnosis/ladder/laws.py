@@ -50,6 +50,15 @@ USUAL: Mapping[str, Mapping[str, str]] = {
         "frame_rotation": "a marker is not glued on straight",
         "parameter_offset": "wheelbases are measured with a ruler",
     },
+    "robot": {
+        "viscous_friction": "bearings, seals and gears are lubricated",
+        "coulomb_friction": "gears mesh dry",
+        "armature": "rotors behind gears weigh more than what they move",
+        "constant_force": "no amplifier is without an offset, and cables pull",
+        "actuator_gain": "a torque constant is from a data sheet",
+        "actuator_delay": "buses are late, all commands alike",
+        "payload": "somebody mounted something",
+    },
     "first order": {
         "parameter_offset": "coefficients of a reduced model are guesses",
         "actuator_gain": "a pump's constant is from a data sheet",
@@ -154,6 +163,8 @@ def kind_of(simulator: Simulator) -> str:
         return str(declared)
     if {"v", "v_lateral", "w"} <= set(simulator.rate.names):
         return "vehicle"
+    if closed(simulator) is not None:
+        return "robot"
     return "coordinate" if simulator.coordinates else "first order"
 
 

@@ -6,7 +6,7 @@ gains well near a fit and mislead far from one, so that an offer orders what is 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,9 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Shooting, Slopes, coordinates, step_sizes
 from gpsim.diagnosis.ladder.laws import Law
+
+
+Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -31,48 +34,65 @@ class Offers:
     def __init__(self, shooting: Shooting, fit: Fit) -> None:
         self._shooting, self._fit = shooting, fit
         self.slopes = shooting.slopes(fit)
-        self._changes: dict[tuple[str, str, str], FloatArray] = {}
+        self._changes: dict[Key, FloatArray] = {}
 
     def of(self, laws: Sequence[Law]) -> list[Offer]:
         """What each promises from its best start, beside all that stands."""
         return self._promised(laws, self.slopes.r, Lines(self.slopes, self._fit))
 
-    def in_place(self, laws: Sequence[Law], gone: slice, part: Fit) -> list[Offer]:
-        """The same in the place of a law, whose rows in z are gone in a `part` of the account."""
+    def in_place(self, laws: Sequence[Law], of: Law, gone: slice, part: Fit) -> list[Offer]:
+        """The same in the place `of` a law, whose rows in z are gone in a `part` of the account.
+
+        What jumps at the very place of that law is simulated anew: beside it, it would have done something else.
+        """
         r = (part.residuals * self._shooting.noise.whitening).reshape(self.slopes.r.shape)
         kept = np.delete(np.arange(self.slopes.by_theta.shape[2]), gone)
         slopes = Slopes(r, self.slopes.by_theta[:, :, kept], self.slopes.by_start)
-        return self._promised(laws, r, Lines(slopes, part))
+        here = {
+            o.key: self._started(o, part)
+            for o in laws
+            if not o.has_slope and o.candidate.place.on == of.candidate.place.on
+        }
+        return self._promised(laws, r, Lines(slopes, part), here)
 
-    def _promised(self, laws: Sequence[Law], r: FloatArray, lines: Lines) -> list[Offer]:
-        return [self._smooth(law, lines) if law.has_slope else self._jumping(law, r, lines) for law in laws]
+    def _promised(
+        self, laws: Sequence[Law], r: FloatArray, lines: Lines, here: Mapping[Key, FloatArray] | None = None
+    ) -> list[Offer]:
+        out = []
+        for law in laws:
+            changes = (here or {}).get(law.key)
+            changes = self._changed(law) if changes is None else changes
+            smooth = law.has_slope
+            out.append(self._smooth(law, lines, changes) if smooth else self._jumping(law, r, lines, changes))
+        return out
 
     def _changed(self, law: Law) -> FloatArray:
         """(W, M, K) what a law changes in the whitened residual: its slope, or at each of its starts."""
         if law.key not in self._changes:
-            found = column(self._shooting, self._fit, law) if law.has_slope else self._started(law)
+            found = column(self._shooting, self._fit, law) if law.has_slope else self._started(law, self._fit)
             self._changes[law.key] = found
         return self._changes[law.key]
 
-    def _started(self, law: Law) -> FloatArray:
-        hypotheses = [self._fit.hypothesis.plus(law.term(v), law.candidate.declared) for v in law.starts]
+    def _started(self, law: Law, fit: Fit) -> FloatArray:
+        """(W, M, K) what it changes at each of its starts, beside a fit."""
+        hypotheses = [fit.hypothesis.plus(law.term(v), law.candidate.declared) for v in law.starts]
         thetas = np.stack([h.theta for h in hypotheses])
-        copies = np.tile(self._fit.starts, (len(thetas), 1, 1))
+        copies = np.tile(fit.starts, (len(thetas), 1, 1))
         left = self._shooting.residuals(hypotheses[0], thetas, copies) * self._shooting.noise.whitening
         left = np.nan_to_num(left, nan=RAN_AWAY).reshape(len(thetas), *self.slopes.r.shape)
-        return np.asarray(np.moveaxis(left - self.slopes.r, 0, 2))
+        before = (fit.residuals * self._shooting.noise.whitening).reshape(self.slopes.r.shape)
+        return np.asarray(np.moveaxis(left - before, 0, 2))
 
-    def _smooth(self, law: Law, lines: Lines) -> Offer:
+    def _smooth(self, law: Law, lines: Lines, changes: FloatArray) -> Offer:
         own = coordinates(law.candidate.declared)
         z, first = at_nothing(law)
-        gain, size = lines.along(self._changed(law)[:, :, 0])
+        gain, size = lines.along(changes[:, :, 0])
         if not own.low[first] <= size <= own.high[first]:
             gain = 0.0
         z[first] = np.clip(size, own.low[first], own.high[first])
         return Offer(gain, law, tuple(own.natural(z).tolist()))
 
-    def _jumping(self, law: Law, r: FloatArray, lines: Lines) -> Offer:
-        changes = self._changed(law)
+    def _jumping(self, law: Law, r: FloatArray, lines: Lines, changes: FloatArray) -> Offer:
         gains = [lines.gain(r + changes[:, :, k]) for k in range(changes.shape[2])]
         best = int(np.argmax(gains))
         return Offer(gains[best], law, tuple(law.starts[best]))

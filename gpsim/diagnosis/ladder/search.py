@@ -15,12 +15,14 @@ from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.effects import Scheme
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
+HARMLESS = 0.1  # of what a law gains in training, that held-out windows may lose by it
 SURELY = 0.5  # nats by which another account must be better before it takes the place of the one that stands
 Key = tuple[str, str, str]
 FIRST_LOOK, SETTLE, CLOSE = 2, 5, 4  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
+JUMPING = 0.6  # of what a law is worth, that lines may miss of one that jumps in its place
 
 
 class Search:
@@ -72,19 +74,26 @@ class Search:
 
     # Rung 1
 
-    def usual(self) -> None:
-        """All usual laws at once: those with a slope from nothing, those without by scans; then the noise."""
+    def usual(self, known: Mapping[tuple[str, str], Sequence[float]] | None = None) -> None:
+        """All usual laws at once: those with a slope from nothing, those without by scans; then the noise.
+
+        known: family and place -> sizes that inverse dynamics say, with which alone a robot's begin.
+        """
         self.refit(3)
         self.base = self.account.fit
         self.tell_noise()
         usual = [law for law in self.laws if law.usual]
-        smooth = self._independent([law for law in usual if law.has_slope])
-        for law in smooth:
-            self.account = self._with(
-                law, [p.none if not p.place else p.starts[0] for p in law.candidate.declared]
-            )
+        if known:
+            for law in usual:
+                if law.candidate.identity in known:
+                    self.account = self._with(law, known[law.candidate.identity])
+            self.tell_noise()
+        else:
+            for law in self._independent([law for law in usual if law.has_slope]):
+                nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
+                self.account = self._with(law, nothing)
         jumps = [law for law in usual if not law.has_slope]
-        for _ in range(len(jumps) + 1):
+        for _ in range(0 if known else len(jumps) + 1):
             self.refit(FIRST_LOOK)
             found = self.offers([law for law in jumps if not self.account.holds(law)])
             if not found:
@@ -98,7 +107,8 @@ class Search:
             self.refit(SETTLE)
             self.tell_noise()
         self.refit(CLOSE)
-        self._probe(jumps)
+        if not known:
+            self._probe(jumps)
 
     def _with(self, law: Law, values: Sequence[float]) -> Account:
         laws, hypothesis = self.account.plus(law, values)
@@ -297,10 +307,9 @@ class Search:
             part = less[law.key]
             absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
             missed = self.score(part) - now
+            offered = offers.in_place(absent, law, rows[index], part.fit)
             near = [
-                o
-                for o in offers.in_place(absent, rows[index], part.fit)
-                if o.gain - self.price(o.law) > missed - HOPELESS
+                o for o in offered if o.gain - self.price(o.law) > missed - self._misled(o.law, law, missed)
             ]
             near = sorted(near, key=lambda o: self.price(o.law) - o.gain)[:PROBED]
             for offer in near:
@@ -320,6 +329,11 @@ class Search:
                     self.account = tried
                     return True
         return False
+
+    def _misled(self, other: Law, law: Law, missed: float) -> float:
+        """Nats by which lines may be wrong of a law in another's place: by much where it jumps, as delays do."""
+        same = other.candidate.place.on == law.candidate.place.on
+        return HOPELESS if other.has_slope or not same else max(HOPELESS, JUMPING * missed)
 
     def _leaner(self, account: Account, kept: Law) -> Account:
         """An account without what no longer pays beside a law."""
@@ -394,7 +408,7 @@ class Search:
                 gains = self.judged(less[law.key]).costs - mine.costs
                 gain, sd = float(gains.sum()), float(np.sqrt(len(gains)) * gains.std())
                 trained = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
-                short = min(gain + 0.5 * sd, gain + trained)
+                short = min(gain + 0.5 * sd + HARMLESS * trained, gain + trained)
                 if not law.usual:
                     short = min(short, gain + trained - self.numbers.held_out * left)
                 if short < 0 and (bad is None or (law.usual, short) < bad[:2]):

@@ -198,8 +198,14 @@ class _Judge:
         taken = parent.hypothesis.claims | ({own} if own else frozenset())
         absent = [law for law in self._laws if law.candidate.identity not in taken]
         if gate:
-            absent = [replace(law, gate=gate) for law in absent if law.candidate.gateable and not self._patch(law, gate)]
-        found = sorted(Offers(Shooting(self._problem, self._fits.noise), parent).of(absent), key=lambda o: -o.gain)
+            absent = [
+                replace(law, gate=gate)
+                for law in absent
+                if law.candidate.gateable and not self._patch(law, gate)
+            ]
+        found = sorted(
+            Offers(Shooting(self._problem, self._fits.noise), parent).of(absent), key=lambda o: -o.gain
+        )
         needed = PROMISING * self._fits.misfit(parent)
         return [self._plus(parent, o.law, o.values) for o in found[:FITTED] if o.gain > needed]
 

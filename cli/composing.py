@@ -1,0 +1,125 @@
+"""gpsim's settings composed by Hydra from its choices and the user's; every error becomes one line."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hydra import compose, initialize_config_module
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import DictConfig, OmegaConf
+
+from gpsim.errors import UsageError
+
+_KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
+
+
+def composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+    """The settings that the overrides `words` select; raises UsageError."""
+    with _hydra(config_dir):
+        try:
+            config = compose("config", overrides=list(words))
+            resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+        except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
+            raise UsageError(_one_line(error, words)) from error
+    assert isinstance(resolved, dict)
+    return {str(key): value for key, value in resolved.items()}
+
+
+class _UsersFolder(SearchPathPlugin):
+    """Puts the user's folder before gpsim's own; `hydra.searchpath` would put it behind."""
+
+    folder: Path | None = None
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Hydra calls it while it is initialised."""
+        if self.folder is not None:
+            search_path.prepend("--config-dir", f"file://{self.folder}")
+
+
+@contextmanager
+def _hydra(config_dir: Path | None) -> Iterator[None]:
+    """Hydra, looking in the user's folder first."""
+    Plugins.instance().register(_UsersFolder)
+    _UsersFolder.folder = config_dir.resolve() if config_dir is not None else None
+    try:
+        with initialize_config_module("gpsim.conf", version_base="1.3"):
+            yield
+    finally:
+        _UsersFolder.folder = None
+
+
+def _one_line(error: Exception, words: Sequence[str]) -> str:
+    text = str(error)
+    choices = re.search(
+        r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*?)(?:Config search path|\Z)",
+        text,
+        re.DOTALL,
+    )
+    if choices:
+        options = ", ".join(choices.group(3).split())
+        return f"no '{choices.group(1).split('/')[-1]}' among the choices of {choices.group(2)}; there are: {options}"
+    word = _failing(error, words)
+    if word is not None:
+        return _unknown_key(word, words)
+    said, culprit = " ".join(text.split()) or type(error).__name__, _culprit(words)
+    if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
+        return (
+            f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
+            f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
+        )
+    return said if culprit is None or culprit in said else f"{culprit}: {said}"
+
+
+def _culprit(words: Sequence[str]) -> str | None:
+    """The first word that fails by itself: not every error names it."""
+    for word in words:
+        try:
+            compose("config", overrides=[word])
+        except Exception:  # as in resolve
+            return word
+    return None
+
+
+def _failing(error: Exception, words: Sequence[str]) -> str | None:
+    """The word whose key the configuration lacks, if that is what the error says."""
+    text = str(error)
+    if "Could not override" not in text:
+        return None
+    return next((w for w in words if (key := _KEY.match(w)) and f"'{key.group(1)}'" in text), None)
+
+
+def _composed_without(word: str, words: Sequence[str]) -> Any:
+    """What the other words select; those that fail, too, are left out in their turn."""
+    others = [other for other in words if other != word]
+    while True:
+        try:
+            return compose("config", overrides=others)
+        except Exception as error:  # as in resolve
+            failing = _failing(error, others)
+            others = [other for other in others if other != failing] if failing is not None else []
+
+
+def _unknown_key(word: str, words: Sequence[str]) -> str:
+    """Name the settings beside the one that does not exist, and the nearest."""
+    found = _KEY.match(word)
+    assert found is not None
+    key, node = found.group(1), _composed_without(word, words)
+    parts = key.split(".")
+    for depth, part in enumerate(parts):
+        where = ".".join(parts[:depth])
+        if not isinstance(node, DictConfig):
+            return f"no setting '{key}'; {where} is a value"
+        if part not in node:
+            known = [str(k) for k in node]
+            near = difflib.get_close_matches(part, known, n=1)
+            hint = f" (did you mean {'.'.join([*parts[:depth], near[0]])}?)" if near else ""
+            return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
+        node = node[part]
+    return f"'{key}' cannot be set by '{word}'"
