@@ -27,12 +27,12 @@ LEVELS = [
     {"trials.worlds"},
     {"diagnosis"},
     {"diagnosis.assessment"},
-    {"diagnosis.judgement"},
-    {"diagnosis.attribution", "diagnosis.form"},
-    {"diagnosis.selection"},
+    {"diagnosis.ladder"},
+    {"diagnosis.judging"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
     {"diagnosis.kinematics"},
+    {"diagnosis.own"},
     {"diagnosis.data", "diagnosis.run", "diagnosis.report"},
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},
@@ -177,7 +177,7 @@ def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
     """`trials` is not in the closure of its imports, `diagnosis` of course is; nor is what is driven as a target."""
     explaining = [name for name in MODULES if name.startswith("gpsim.diagnosis.")]
     reached = closure([*explaining, "gpsim.effects", "gpsim.residuals", "gpsim.simulators"])
-    assert "gpsim.diagnosis.selection.beam" in reached
+    assert "gpsim.diagnosis.ladder.search" in reached
     assert not [name for name in reached if name.startswith(("gpsim.trials", "gpsim.targets"))]
     reached = closure(
         [name for name in MODULES if name.startswith("gpsim.stages.diagnose")] + ["gpsim.cli.diagnose"]

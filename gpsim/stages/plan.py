@@ -77,7 +77,9 @@ def planned(
         around = None
         if steer is not None:
             around = Around(steer, limits.low, limits.high, limits.rate, limits.idle, plant.dt)
-        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around)
+        machine = Machine(
+            plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around
+        )
         return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
 
 

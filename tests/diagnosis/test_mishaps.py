@@ -112,7 +112,9 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
         patched.setattr(comparing, "learn", broken)
         (found,) = searched
         judgement = replace(found.judgement, structured=True)
-        worth = attribute(found.question, judgement.leader, judgement.null, judgement.without, judgement.gains)
+        worth = attribute(
+            found.question, judgement.leader, judgement.null, judgement.without, judgement.gains
+        )
         compared = comparing.compare(found.question, judgement, worth, [], np.random.default_rng(0))
     assert compared.corrected is None
     assert compared.why_no_gp == NoGp("not fitted")

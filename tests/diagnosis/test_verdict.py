@@ -22,7 +22,9 @@ def attribution(share, counts=True, roles=("headline",)):
 def hypothesis(names, gains=None):
     """Actuator gains of 0.8, or what is said, each on the place of its name; `a` also says where it acts."""
     gains = gains or {}
-    terms = tuple(Term("actuator_gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names)
+    terms = tuple(
+        Term("actuator_gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names
+    )
     declared = (
         GAIN,
         EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True),

@@ -107,6 +107,7 @@ def check_rows(values, rel=0.15):
         assert values["armature", on]["inertia"] == pytest.approx(ROTOR[i], rel=rel)
 
 
+@pytest.mark.slow
 def test_friction_and_rotor_of_both_joints_are_named_with_their_sizes(rubbing):
     recording, simulator, _ = rubbing
     verdict, values = found(recording, simulator)

@@ -97,7 +97,8 @@ def test_a_diagnosis_needs_no_answers_and_finds_the_effect(diagnosed):
     claims = [e["family"] for e in report["effects"]] + [
         e["family"] for a in report["alternatives"] for e in a["effects"]
     ]
-    assert truth["family"] in claims
+    twins = {"actuator_bias": "constant_force", "constant_force": "actuator_bias"}  # of a slide or a pendulum
+    assert {truth["family"], twins.get(truth["family"])} & set(claims)
 
 
 @pytest.mark.slow  # another diagnosis; that the first is made without the answers is shown above

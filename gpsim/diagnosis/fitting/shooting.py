@@ -17,6 +17,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.fitting.coordinates import Coordinates, coordinates
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.effects import closed
 
 STATE_STEP = 1e-5  # of a channel's size: by which start states are moved to see what that changes
 STEP, STEP_OF_JUMPS = 1e-3, 0.03  # of a coordinate's scale: the same of parameters; of laws that jump
@@ -137,14 +138,16 @@ class Shooting:
         ones = np.ones(shape[2])
         self.noise = noise or Noise(np.maximum(problem.floor, 1e-300), ones, base)
         self._nudges = STATE_STEP * problem.scale
-        self.simulations = 0
+        self._dear = closed(problem.simulator) is not None
+        self._by_start: FloatArray | None = None
 
     # What a hypothesis leaves
 
-    def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
-        """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts."""
-        self.simulations += len(thetas)
-        problem = self.problem
+    def residuals(
+        self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray, by: Problem | None = None
+    ) -> FloatArray:
+        """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts; by: in other steps."""
+        problem = by or self.problem
         chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
         said = problem.simulated(chain, problem.windows, starts, hypothesis.spread, thetas)
         gap = problem.simulator.gap(problem.windows.measured[None], said)
@@ -173,10 +176,15 @@ class Shooting:
     # Slopes
 
     def slopes(self, point: Fit, own: Coordinates | None = None, parameters: bool = True) -> Slopes:
-        """By finite differences, all in one batch."""
+        """By finite differences, all in one batch; coarser steps serve where only differences count.
+
+        Where every simulation is dear, slopes by start states serve all fits: acceptance sees to the rest.
+        """
         own = own or coordinates(point.hypothesis.parameters)
         n = point.starts.shape[1]
         p = len(own.parameters) if parameters else 0
+        known = self._by_start if self._dear else None
+        first = 0 if known is None else n
         zs, copies = np.tile(point.z, (n + p, 1)), np.tile(point.starts, (n + p, 1, 1))
         steps = np.empty(n + p)
         for i in range(n):
@@ -186,12 +194,24 @@ class Shooting:
         for j in range(p):
             steps[n + j] = widths[j] if point.z[j] + widths[j] <= own.high[j] else -widths[j]
             zs[n + j, j] += steps[n + j]
-        moved = self.residuals(point.hypothesis, own.natural(zs), copies)
-        white = self.noise.whitening
-        with np.errstate(all="ignore"):
-            columns = (point.residuals - moved) * white / steps[:, None, None, None]
+        rough = self.problem.slopes
+        before = point.residuals
+        if rough is not self.problem:
+            before = self.residuals(point.hypothesis, own.natural(point.z[None]), point.starts[None], rough)[
+                0
+            ]
+        columns = np.zeros((n + p, *point.residuals.shape))
+        if first < n + p:
+            moved = self.residuals(point.hypothesis, own.natural(zs[first:]), copies[first:], rough)
+            with np.errstate(all="ignore"):
+                columns[first:] = (before - moved) / steps[first:, None, None, None]
         columns = np.nan_to_num(columns, nan=0.0, posinf=0.0, neginf=0.0)
-        flat = columns.reshape(n + p, len(point.starts), -1).transpose(1, 2, 0)
+        if known is not None:
+            columns[:n] = known
+        elif self._dear:
+            self._by_start = columns[:n].copy()
+        white = self.noise.whitening
+        flat = (columns * white).reshape(n + p, len(point.starts), -1).transpose(1, 2, 0)
         r = (point.residuals * white).reshape(len(point.starts), -1)
         return Slopes(r, np.ascontiguousarray(flat[:, :, n:]), np.ascontiguousarray(flat[:, :, :n]))
 

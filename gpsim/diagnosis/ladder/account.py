@@ -61,7 +61,9 @@ def bill(laws: Sequence[Law], effective: float, per_law: float) -> float:
 
 
 def price(law: Law, effective: float, per_law: float) -> float:
-    """Nats that one law must bring."""
+    """Nats that one law must bring; what every joint of a robot has costs one (Akaike 1974)."""
+    if law.owned and law.usual:
+        return 1.0
     return (
         float(0.5 * law.parameters * np.log(max(effective, 2.0))) + (0.0 if law.free else per_law) + law.price
     )

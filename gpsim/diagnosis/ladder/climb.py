@@ -30,7 +30,7 @@ from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Measured, Term, closed
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
-FINISH = 10  # rounds of the last fit
+FINISH, FINISH_OF_A_ROBOT = 10, 3  # rounds of the last fit
 WITHOUT = 4  # rounds of the fit of an account with one law less
 BY_CHANCE = 1e-2  # p-value of whiteness below which something is left over
 UNNAMED = 1e-4  # the same where no law stands
@@ -122,7 +122,7 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
         question, everything=everything, held_out=replace(question.held_out, substeps=everything.substeps)
     )
     hypothesis = trimmed(told(laws), everything)
-    leader = fit(everything, hypothesis, rounds=FINISH)
+    leader = fit(everything, hypothesis, rounds=FINISH_OF_A_ROBOT if search.dear else FINISH)
     for term, declared in _curves_of(search.account, laws):
         alone = leader.hypothesis.frozen().plus(term, declared)
         leader = beside(leader, fit(everything, alone, leader.starts, WITHOUT, leader.noise), declared)
@@ -167,7 +167,8 @@ def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
         points = [
             shooting.at(_with_held_curves(h.without(i)), leader.starts) for h in (adapted, leader.hypothesis)
         ]
-        out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
+        dear = closed(problem.simulator) is not None
+        out.append(shooting.fit(min(points, key=lambda p: p.cost), 1 if dear else WITHOUT))
     return tuple(out)
 
 

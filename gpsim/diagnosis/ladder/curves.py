@@ -83,7 +83,7 @@ def curved(search: Search, offers: list[Candidate]) -> dict[tuple[str, str, str]
     """Curves on top of the account, which they join; by family, place and variant."""
     settings = search.shooting.problem.run.settings.curves
     problem, found = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve]()
-    if problem.windows.length < 3:
+    if problem.windows.length < 3 or search.dear:
         return found
     every = list(inputs(problem.simulator, offers))
     for _ in range(settings.most):

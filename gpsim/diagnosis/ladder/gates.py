@@ -28,7 +28,7 @@ PROBED = 3  # gates that are fitted of those that promise most
 
 def gated(search: Search) -> None:
     """The account with one law behind a gate, where that takes off half of what is left."""
-    if search.left() <= search.numbers.gate:
+    if search.dear or search.left() <= search.numbers.gate:
         return
     before, now = search.account, search.score(search.account)
     least = max(search.numbers.gate, search.numbers.share_of_gate * search.left())

@@ -15,7 +15,6 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Shooting, Slopes, coordinates, step_sizes
 from gpsim.diagnosis.ladder.laws import Law
 
-
 Key = tuple[str, str, str]
 
 

@@ -35,7 +35,7 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     """The question without these moments, and what is said of them; None where there are none."""
     problem = search.shooting.problem
     windows = problem.windows
-    if len(windows) < FEWEST:
+    if len(windows) < FEWEST or search.dear:
         return None
     plain = search.shooting.base_weights / search.shooting.noise.white
     squares = ((search.account.fit.residuals * plain) ** 2).sum(axis=2)

@@ -12,9 +12,10 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, u
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
-from gpsim.effects import Scheme
+from gpsim.effects import Scheme, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
+ROBOT_LEAVES = 0.2  # of a robot's misfit, from which unusual laws are asked for: hundreds of simulations
 HARMLESS = 0.1  # of what a law gains in training, that held-out windows may lose by it
 SURELY = 0.5  # nats by which another account must be better before it takes the place of the one that stands
 Key = tuple[str, str, str]
@@ -42,6 +43,7 @@ class Search:
         self.account = Account((), self.shooting.at(Hypothesis(), np.array(starts)))
         self.base = self.account.fit
         self.tried: list[Account] = []
+        self.dear = closed(problem.simulator) is not None
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
         """Write a decision down."""
@@ -84,9 +86,11 @@ class Search:
         self.tell_noise()
         usual = [law for law in self.laws if law.usual]
         if known:
-            for law in usual:
-                if law.candidate.identity in known:
-                    self.account = self._with(law, known[law.candidate.identity])
+            laws = tuple(law for law in usual if law.candidate.identity in known)
+            hypothesis = Hypothesis()
+            for law in laws:
+                hypothesis = hypothesis.plus(law.term(known[law.candidate.identity]), law.candidate.declared)
+            self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
             self.tell_noise()
         else:
             for law in self._independent([law for law in usual if law.has_slope]):
@@ -103,10 +107,10 @@ class Search:
                 break
             self.account = self._with(best.law, best.values)
             self.say("started from", True, best.law.name, gain=best.gain)
-        for _ in range(2):
-            self.refit(SETTLE)
+        for _ in range(1 if self.dear else 2):
+            self.refit(FIRST_LOOK if self.dear else SETTLE)
             self.tell_noise()
-        self.refit(CLOSE)
+        self.refit(1 if self.dear else CLOSE)
         if not known:
             self._probe(jumps)
 
@@ -137,7 +141,7 @@ class Search:
 
     def in_base_steps(self, scheme: Scheme) -> None:
         """The base's own step in the place of fine ones, where all that is usual explains more with it."""
-        if scheme == "fine":
+        if scheme == "fine" or self.dear:
             return
         fine, starts = self.account, self.account.fit.starts
         coarse = replace(fine.hypothesis, scheme=scheme)
@@ -217,7 +221,9 @@ class Search:
 
     def unusual(self) -> None:
         """Unusual laws beside the usual ones, one at a time, while one pays its price and a part of what is left."""
-        for _ in range(6):
+        if self.dear and self.left() < ROBOT_LEAVES * self.missing():
+            return
+        for _ in range(2 if self.dear else 6):
             absent = [law for law in self.laws if not self.account.holds(law)]
             if not self.add_best(absent, PROBED + 1):
                 return
@@ -285,7 +291,12 @@ class Search:
     # Twins
 
     def swap(self, rounds: int = 6) -> None:
-        """Each law's nearest substitutes in its place, fitted; the account moves while one is better."""
+        """Each law's nearest substitutes in its place, fitted; the account moves while one is better.
+
+        Not where every fit is of a whole robot: its regression has compared what may stand in for what.
+        """
+        if self.dear:
+            return
         done = set[tuple[object, ...]]()
         for _ in range(rounds):
             less = self.drop_each()
@@ -396,7 +407,7 @@ class Search:
 
     def judge_held_out(self) -> None:
         """What is worth nothing on held-out windows goes, unusual laws first; what training asks for stays."""
-        while True:
+        while not self.dear:
             less = self.drop_each()
             if not len(self.held_out.problem.windows):
                 return

@@ -37,7 +37,10 @@ class LoadFriction(ForceEffect):
     dry_law: ClassVar[Law] = staticmethod(most)
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "share": Plausible(
-            0.0, 0.4, "1", "gears: 2 % (one spur stage) to 40 % (four of them) of what they transmit (data sheets)"
+            0.0,
+            0.4,
+            "1",
+            "gears: 2 % (one spur stage) to 40 % (four of them) of what they transmit (data sheets)",
         ),
     }
 
