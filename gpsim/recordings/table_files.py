@@ -203,7 +203,7 @@ def episodes_of(
     if "" in named:
         raise UsageError(f"{where}: row {named.index('')}: no episode; give every row its episode's name")
     places = {name: place for place, name in enumerate(dict.fromkeys(named))}
-    of = np.array([places[name] for name in named])
+    of = np.array([places[name] for name in named], dtype=np.int64)
     each = np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of))[:-1])
     columns = ("t", *state.names, *action.names)
     return tuple(

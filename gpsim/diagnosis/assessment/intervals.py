@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting import Fit, Problem, Shooting, coordinates
 
 OPEN = 1e-13  # of the largest curvature: the windows know as much at least of any direction
 RUNS_OF_WINDOWS = 20  # runs of neighbouring windows whose gradients scatter, too: what drifts shows there
-TINY = 1e-300  # guards a division
+TINY = 1e-150  # guards a division, squared or not
 
 
 def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatArray:

@@ -22,6 +22,7 @@ from gpsim.effects import closed
 STATE_STEP = 1e-5  # of a channel's size: by which start states are moved to see what that changes
 STEP, STEP_OF_JUMPS = 1e-3, 0.03  # of a coordinate's scale: the same of parameters; of laws that jump
 STEP_OF_DRY = 0.01  # of a coordinate's scale, where dry friction stops bodies
+PATIENCE = 3  # rounds without a gain, each more cautious, after which start states alone stand
 ATTEMPTS = 4  # steps of one round, each more cautious, before parameters stand still
 TOLERANCE = 0.1  # a round that gains less ends a fit [nats]
 OUTLYING = 4.0  # standard deviations beyond which a sample counts as one there, in absolute terms
@@ -106,7 +107,8 @@ class Slopes:
         """(W, N, N) of the start states."""
         g = np.einsum("wmi,wmj->wij", self.by_start, self.by_start, optimize=True)
         diagonal = np.einsum("wii->wi", g)
-        g += (np.reshape(damping, (-1, 1)) * diagonal + 1e-12)[:, :, None] * np.eye(g.shape[1])
+        least = 1e-12 * diagonal.max(axis=1, keepdims=True) + np.finfo(float).tiny
+        g += (np.reshape(damping, (-1, 1)) * diagonal + least)[:, :, None] * np.eye(g.shape[1])
         return np.asarray(g)
 
     def projected(
@@ -221,7 +223,7 @@ class Shooting:
         """From a point to where nothing gains `tolerance` nats any more, in so many rounds at most."""
         own = coordinates(point.hypothesis.parameters)
         held = np.diag(1.0 / own.prior**2) if len(own.prior) else np.zeros((0, 0))
-        damping, per_window = 1e-3, np.full(len(point.starts), 1e-6)
+        damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
         for _ in range(rounds):
             slopes = self.slopes(point, own)
             by_window, gradients, follow, alone = slopes.projected(per_window)
@@ -241,8 +243,9 @@ class Shooting:
                 damping = min(damping * 8, 1e6)
                 if not len(move):
                     break
-            point = self._starts_alone(point, slopes, per_window)
-            if before - point.cost < tolerance:
+            point, per_window = self._starts_alone(point, slopes, per_window)
+            still = still + 1 if before - point.cost < tolerance else 0
+            if still > (0 if len(own.parameters) else PATIENCE):
                 break
         return point
 
@@ -268,8 +271,8 @@ class Shooting:
         )
         return new, better
 
-    def _starts_alone(self, point: Fit, slopes: Slopes, damping: FloatArray) -> Fit:
-        """A step of the start states with the parameters held, kept window by window."""
+    def _starts_alone(self, point: Fit, slopes: Slopes, damping: FloatArray) -> tuple[Fit, FloatArray]:
+        """A step of the start states with the parameters held, kept window by window; and the windows' damping then."""
         gram = slopes.gram(damping)
         r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)
         step = np.linalg.solve(gram, slopes.by_start.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0]
@@ -277,12 +280,13 @@ class Shooting:
         residual = self.residuals(point.hypothesis, point.hypothesis.theta[None], starts[None])[0]
         costs = self.costs(residual)
         better = costs < point.costs
-        return replace(
+        moved = replace(
             point,
             starts=np.where(better[:, None], starts, point.starts),
             residuals=np.where(better[:, None, None], residual, point.residuals),
             costs=np.minimum(costs, point.costs),
         )
+        return moved, np.where(better, np.maximum(damping / 5, 1e-9), np.minimum(damping * 10, 1e4))
 
     # Noise
 
@@ -341,7 +345,7 @@ def bounded_step(
     move = np.zeros(len(z))
     if not len(z):
         return move
-    diagonal = np.maximum(np.diag(information), 1e-12)
+    diagonal = np.maximum(np.diag(information), np.finfo(float).tiny)
     scale = 1.0 / np.sqrt(diagonal)
     normal = information * scale[:, None] * scale + (damping + 1e-12) * np.eye(len(z))
     free = np.ones(len(z), dtype=bool)

@@ -9,9 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.diagnosis.fitting.coordinates import coordinates
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.shooting import Fit
+from gpsim.diagnosis.fitting import Fit, Hypothesis, coordinates
 from gpsim.diagnosis.ladder.laws import Law
 
 OPEN = 1e-13  # of the largest curvature: a direction that is flatter is open

@@ -85,7 +85,9 @@ def curved(search: Search, offers: list[Candidate]) -> dict[tuple[str, str, str]
     problem, found = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve]()
     if problem.windows.length < 3 or search.dear:
         return found
-    every = list(inputs(problem.simulator, offers))
+    known = problem.run.known
+    asked_for = not known.only
+    every = [i for i in inputs(problem.simulator, offers) if known.asks((i.family, i.on), asked_for)]
     for _ in range(settings.most):
         left = search.left()
         if left <= max(settings.leaves * search.missing(), search.numbers.rare):
@@ -175,9 +177,7 @@ def _fitted(search: Search, one: Input, places: FloatArray, heights: FloatArray,
     term = _term(one, places, heights, freedom)
     declared = effect_of(one.family).parameters(one.place)
     candidate = Candidate(one.family, one.place, one.variant, declared)
-    law = Law(
-        candidate, False, search.numbers.rare, fixed={k: v for k, v in term.values.items() if k != "scale"}
-    )
+    law = Law(candidate, False, search.numbers.rare)
     account = search.account
     hypothesis: Hypothesis = account.hypothesis.frozen().plus(term, declared)
     found = search.fitted((law,), hypothesis, account.fit.starts, SETTLE).fit

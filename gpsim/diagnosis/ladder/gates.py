@@ -66,7 +66,7 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
         stands = next((i for i, own in enumerate(account.laws) if own.key == law.key), None)
         if not effect.gated or law.candidate.variant or (stands is None and not law.has_slope):
             continue
-        if effect.drifts or law.fixed:
+        if effect.drifts:
             continue
         values, step = _values(account, law, stands, search)
         parts = [] if stands is None else [stands]
@@ -111,8 +111,7 @@ def _gates(problem: Problem, law: Law) -> Iterator[Gate]:
     t = windows.t[:, 0]
     if windows.own_clocks:
         yield from (Gate(since_episode=int(e)) for e in np.unique(windows.episode)[1:])
-    else:
-        yield from (Gate(since=float(x)) for x in np.quantile(t, np.linspace(EARLIEST, LATEST, MOMENTS)))
+    yield from (Gate(since=float(x)) for x in np.quantile(t, np.linspace(EARLIEST, LATEST, MOMENTS)))
     effect, names = effect_of(law.candidate.family), problem.simulator.state.names
     if effect.site == "force" and law.candidate.place.on in names:
         column = names.index(law.candidate.place.on)

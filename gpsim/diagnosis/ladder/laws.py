@@ -70,6 +70,7 @@ USUAL: Mapping[str, Mapping[str, str]] = {
 
 KNOWN_WELL = (("parameter_offset", "gravity"),)  # what nobody gets wrong
 
+PRESSED = "coefficient"  # the variant of dry friction that goes by what presses, where the simulator knows that
 DRAG = ("quadratic_drag",)
 RARE = (
     "clock_drift", "wheel_saturation", "torque_speed_limit", "lugre_friction", "flexible_coupling", "cubic_spring",
@@ -86,6 +87,7 @@ SCANS: Mapping[str, tuple[float, ...]] = {
     "actuator_dead_band": (0.03, 0.08, 0.15, 0.25),
     "actuator_saturation": (0.95, 0.85, 0.75, 0.65, 0.5, 0.4, 0.3),
     "actuator_backlash": (0.03, 0.06, 0.1, 0.2, 0.3),
+    "spring": (0.1, 0.3, 1.0),
     "actuator_rate_limit": (0.8, 0.6, 0.45, 0.33, 0.2, 0.12, 0.07, 0.04),
 }
 """Family -> where a first parameter that has no slope at nothing is looked for: in steps, or of what was commanded."""
@@ -96,8 +98,7 @@ class Law:
     """A law on offer: a candidate, whether it is usual there, and what it must bring beside its parameters [nats].
 
     starts: values of all its parameters from which it is looked for where it has no slope at nothing, else none.
-    free: it costs nothing but its parameters: the user requires it. gate: where it acts; fixed: values that are not
-    fitted; owned: whether its simulator owns its integration.
+    free: it costs nothing but its parameters: the user requires it. gate: where it acts; owned: whether its simulator owns its integration.
     """
 
     candidate: Candidate
@@ -107,7 +108,6 @@ class Law:
 
     free: bool = False
     gate: Gate = field(default_factory=Gate)
-    fixed: Mapping[str, float] = field(default_factory=dict)
     owned: bool = False
 
     @property
@@ -135,8 +135,7 @@ class Law:
 
     def term(self, values: Sequence[float]) -> Term:
         """The law with values of its parameters."""
-        term = self.candidate.term(values)
-        return replace(term, values={**self.fixed, **term.values}, gate=self.gate)
+        return replace(self.candidate.term(values), gate=self.gate)
 
     @property
     def name(self) -> str:
@@ -170,7 +169,7 @@ def kind_of(simulator: Simulator) -> str:
 
 def _law(candidate: Candidate, table: Mapping[str, str], numbers: LawSettings, known: Known) -> Law:
     family, required = candidate.family, known.requires(candidate.identity)
-    usual = family in table and not candidate.variant and candidate.identity not in KNOWN_WELL
+    usual = family in table and candidate.variant in ("", PRESSED) and candidate.identity not in KNOWN_WELL
     usual = known.usual_there(candidate.identity, usual)
     price = 0.0 if usual or required else numbers.unusual
     if not usual and not required:
@@ -181,12 +180,7 @@ def _law(candidate: Candidate, table: Mapping[str, str], numbers: LawSettings, k
             if family in RARE or candidate.identity in KNOWN_WELL
             else price
         )
-    fixed = {}
-    if family == "spring":  # where it rests a constant force says: both would be fitted by lines
-        stiffness, rest = candidate.declared
-        fixed = {rest.name: rest.starts[0]}
-        candidate = replace(candidate, declared=(stiffness,))
-    return Law(candidate, usual or required, price, _starts(candidate), required, fixed=fixed)
+    return Law(candidate, usual or required, price, _starts(candidate), required)
 
 
 def _as_fitted(candidate: Candidate) -> Candidate:
@@ -204,6 +198,8 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
     factors = SCANS.get(candidate.family)
     if factors:
         unit = candidate.place.dt if first.unit == "s" else candidate.place.span
+        if candidate.family == "spring":
+            unit = candidate.place.span / candidate.place.reach
         if candidate.family == "actuator_rate_limit":
             unit = candidate.place.span / candidate.place.dt
         values = [f * unit for f in factors if first.low < f * unit < first.high]

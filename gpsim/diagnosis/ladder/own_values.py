@@ -34,8 +34,20 @@ def with_own_values(search: Search) -> None:
         best = Account(best.laws, search.shooting.fit(best.fit, CLOSE))
         if _score(search, best) > now - search.numbers.law:
             return
+        best = _unshared(search, best, now)
         search.say("a recording's own value", True, *best.hypothesis.names, gain=now - _score(search, best))
         search.account = best
+
+
+def _unshared(search: Search, account: Account, now: float) -> Account:
+    """The account whose law does nothing but in the recordings that have values of their own, where that is as good."""
+    for index, term in enumerate(account.hypothesis.terms):
+        if term.owners and any(p.name in term.values for p in account.laws[index].candidate.declared):
+            hypothesis = account.hypothesis.without_shared(index)
+            tried = search.fitted(account.laws, hypothesis, account.fit.starts, CLOSE)
+            if _score(search, tried) < _score(search, account):
+                account = tried
+    return account
 
 
 def _score(search: Search, account: Account) -> float:

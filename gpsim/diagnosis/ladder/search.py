@@ -145,12 +145,15 @@ class Search:
             return
         fine, starts = self.account, self.account.fit.starts
         coarse = replace(fine.hypothesis, scheme=scheme)
-        stepped = self.fitted(fine.laws, coarse, starts, CLOSE)
-        if self.needed(stepped) < self.needed(fine) - 1.0:
-            self.say("the base's own step", True, scheme, gain=fine.fit.cost - stepped.fit.cost)
+        stepped = self.fitted(fine.laws, coarse, starts, SETTLE)
+        gain = max(self.needed(fine) - self.needed(stepped), self.profiled(stepped) - self.profiled(fine))
+        if gain > 1.0:
+            self.say("the base's own step", True, scheme, gain=gain)
             self.account = stepped
             base = replace(self.base.hypothesis, scheme=scheme)
             self.base = self.shooting.fit(self.shooting.at(base, self.base.starts), 3)
+            self.tell_noise()
+            self.refit(SETTLE)
 
     def needed(self, account: Account) -> float:
         """What an account would cost once what does not pay is taken away, by the quadratic [nats]."""
@@ -173,27 +176,42 @@ class Search:
                 return
 
     def add_best(self, laws: Sequence[Law], most: int) -> bool:
-        """The absent law that pays most of those that promise most, in an exact fit; whether one pays."""
+        """The absent law that pays most of those that promise most, in an exact fit; whether one pays.
+
+        A law is worth what it gains under the noise as it is, or under the noise that it leaves, if that is more: a
+        mismatch that is large makes its own noise.
+        """
         if self.left() <= 0.0:
             return False
         found = sorted(self.offers(laws), key=lambda o: self.price(o.law) - o.gain)[:most]
-        best, before = None, self.score(self.account)
+        best, most_worth = None, SURELY
         for offer in found:
             added, hypothesis = self.account.plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
             self.tried.append(tried)
-            if self._strange(tried, offer.law):
-                continue
-            if best is None or self.score(tried) < self.score(best):
-                best = tried
-        if best is None or self.score(best) > before - self._enough(best.laws[-1]):
+            gain = self.account.fit.cost - tried.fit.cost
+            worth = max(gain, self.profiled(tried)) - self.price(offer.law)
+            enough = gain - min(self.price(offer.law), gain / 2) >= self._enough(offer.law)
+            if worth > most_worth and enough and not self._strange(tried, offer.law):
+                best, most_worth = tried, worth
+        if best is None:
             return False
-        self.say("pays beside the others", True, best.laws[-1].name, gain=before - self.score(best))
+        self.say("pays beside the others", True, best.laws[-1].name, gain=most_worth)
         self.account = best
+        self.tell_noise()
         self.refit(SETTLE)
         self.tell_noise()
         self.refit(CLOSE)
         return True
+
+    def profiled(self, account: Account) -> float:
+        """Nats that an account gains with the noise profiled out: with as many samples as its own residual has."""
+        problem, now = self.shooting.problem, self.shooting.noise
+        other = Shooting(problem)
+        other.told_by(account.fit.residuals)
+        counts = (now.weights > 0).sum(axis=(0, 1)) / other.noise.times
+        gains = counts * np.log(now.white / other.noise.white)
+        return float(gains[problem.observed].sum())
 
     def _enough(self, law: Law) -> float:
         """Nats beyond its price that a law must bring: a part of what is left, and more of it where it is unusual."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.ladder.account import Account
 from gpsim.effects import RISE, Place, declared, effect_of
@@ -14,16 +12,13 @@ from gpsim.effects import RISE, Place, declared, effect_of
 def told(account: Account) -> Hypothesis:
     """The account's laws as they are told.
 
-    What Stribeck friction adds and the dry friction beside it are one law, where that may be simulated at once; a
-    spring and a constant force are one that rests elsewhere, where it rests within reach.
+    What Stribeck friction adds and the dry friction beside it are one law, where that may be simulated at once.
     """
     hypothesis = account.hypothesis
     for law in account.laws:
         place = law.candidate.place
         if law.candidate.family == "stribeck_friction" and law.candidate.variant == RISE and law.merges:
             hypothesis = _with_stribeck(hypothesis, place)
-        elif law.candidate.family == "spring" and not law.gate:
-            hypothesis = _with_rest(hypothesis, place)
     return hypothesis
 
 
@@ -44,17 +39,3 @@ def _with_stribeck(hypothesis: Hypothesis, place: Place) -> Hypothesis:
     own = declared(effect_of("stribeck_friction"), place)
     rest = hypothesis.without_all([i for i in (index, dry) if i is not None])
     return rest.plus(replace(rise, values=values, variant=""), own)
-
-
-def _with_rest(hypothesis: Hypothesis, place: Place) -> Hypothesis:
-    index, constant = (_index(hypothesis, f, place.on) for f in ("spring", "constant_force"))
-    if index is None or constant is None:
-        return hypothesis
-    spring, force = hypothesis.terms[index], hypothesis.terms[constant].values["force"]
-    own = declared(effect_of("spring"), place)
-    stiffness, rest = spring.values["stiffness"], own[1]
-    at = spring.values["rest_position"] + force / stiffness if stiffness > 0.0 else np.inf
-    if not rest.low < at < rest.high:
-        return hypothesis
-    term = replace(spring, values={"stiffness": stiffness, "rest_position": float(at)})
-    return hypothesis.without_all([index, constant]).plus(term, own)
