@@ -211,7 +211,7 @@ def episodes_of(
             _episode(str(name), table, columns, rows, 1 + len(state), where),
             poses=pose_values(table, rows, poses),
         )
-        for name, rows in zip(places, each, strict=True)
+        for name, rows in zip(places, each if places else [], strict=True)
     )
 
 

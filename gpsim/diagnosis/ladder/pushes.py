@@ -84,10 +84,10 @@ def _inside_the_way(problem: Problem, when: FloatArray) -> BoolArray:
     state = problem.simulator.state
     names = [c.name for c in problem.simulator.coordinates]
     columns = [i for i, c in enumerate(state) if c.name in names and not c.wraps]
+    if not columns:
+        return np.ones(len(problem.windows), dtype=np.bool_)
     x = problem.windows.measured[..., columns]
     rows = x.reshape(-1, len(columns))
-    if not columns:
-        return np.ones(len(x), dtype=np.bool_)
     low, high = rows.min(axis=0), rows.max(axis=0)
     margin = AT_AN_END * (high - low)
     moment = x[np.arange(len(x)), when]

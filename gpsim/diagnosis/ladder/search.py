@@ -24,6 +24,7 @@ LOOSE = 8.0  # nats that a batch of laws may cost together and still go without 
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
 JUMPING = 0.6  # of what a law is worth, that lines may miss of one that jumps in its place
+HIDDEN = 10.0  # times what a law gains, that it gains once its own traces are no noise any more: then these judge it
 
 
 class Search:
@@ -189,9 +190,14 @@ class Search:
             added, hypothesis = self.account.plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
             self.tried.append(tried)
-            gain = self.account.fit.cost - tried.fit.cost
-            worth = max(gain, self.profiled(tried)) - self.price(offer.law)
-            enough = gain - min(self.price(offer.law), gain / 2) >= self._enough(offer.law)
+            gain, price = self.account.fit.cost - tried.fit.cost, self.price(offer.law)
+            profiled, brought, ruler = self.profiled(tried), gain, self.shooting
+            if profiled > HIDDEN * max(gain, self.numbers.unusual):
+                ruler = self._ruler(tried)
+                before, after = (ruler.costs(a.fit.residuals).sum() for a in (self.account, tried))
+                brought = float(before - after)
+            enough = brought - min(price, brought / 2) >= self._enough(offer.law, ruler)
+            worth = max(gain, profiled) - price
             if worth > most_worth and enough and not self._strange(tried, offer.law):
                 best, most_worth = tried, worth
         if best is None:
@@ -206,20 +212,26 @@ class Search:
 
     def profiled(self, account: Account) -> float:
         """Nats that an account gains with the noise profiled out: with as many samples as its own residual has."""
-        problem, now = self.shooting.problem, self.shooting.noise
-        other = Shooting(problem)
-        other.told_by(account.fit.residuals)
-        counts = (now.weights > 0).sum(axis=(0, 1)) / other.noise.times
-        gains = counts * np.log(now.white / other.noise.white)
-        return float(gains[problem.observed].sum())
+        now, other = self.shooting.noise, self._ruler(account).noise
+        counts = (now.weights > 0).sum(axis=(0, 1)) / other.times
+        gains = counts * np.log(now.white / other.white)
+        return float(gains[self.shooting.problem.observed].sum())
 
-    def _enough(self, law: Law) -> float:
+    def _ruler(self, account: Account) -> Shooting:
+        """The same windows under the noise that an account leaves."""
+        other = Shooting(self.shooting.problem)
+        other.told_by(account.fit.residuals)
+        return other
+
+    def _enough(self, law: Law, by: Shooting | None = None) -> float:
         """Nats beyond its price that a law must bring: a part of what is left, and more of it where it is unusual."""
-        left = self.left()
+        by = by or self.shooting
+        left = unexplained(by.problem, replace(self.account.fit, noise=by.noise))
         if law.price < self.numbers.unusual:
             share = self.numbers.share if law.usual else self.numbers.share_of_drag
             return max(1.0, share * left)
-        least = min(self.numbers.material * self.missing(), self.numbers.nearly_all * left)
+        missing = float(by.costs(self.base.residuals).sum())
+        least = min(self.numbers.material * missing, self.numbers.nearly_all * left)
         return max(1.0, self.numbers.share_of_unusual * left, least)
 
     def channel(self, column: int) -> str:
