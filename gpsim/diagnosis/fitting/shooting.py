@@ -219,13 +219,18 @@ class Shooting:
 
     # Fits
 
-    def fit(self, point: Fit, rounds: int = 8, tolerance: float = TOLERANCE) -> Fit:
-        """From a point to where nothing gains `tolerance` nats any more, in so many rounds at most."""
+    def fit(self, point: Fit, rounds: int = 8, tolerance: float = TOLERANCE, released: bool = True) -> Fit:
+        """From a point to where nothing gains `tolerance` nats any more, in so many rounds at most.
+
+        released: start states follow; else they stay where they are.
+        """
         own = coordinates(point.hypothesis.parameters)
         held = np.diag(1.0 / own.prior**2) if len(own.prior) else np.zeros((0, 0))
         damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
         for _ in range(rounds):
             slopes = self.slopes(point, own)
+            if not released:
+                slopes = replace(slopes, by_start=np.zeros_like(slopes.by_start))
             by_window, gradients, follow, alone = slopes.projected(per_window)
             information = by_window.sum(axis=0) + held
             pull = gradients.sum(axis=0) - held @ (point.z - own.centre)
@@ -243,7 +248,8 @@ class Shooting:
                 damping = min(damping * 8, 1e6)
                 if not len(move):
                     break
-            point, per_window = self._starts_alone(point, slopes, per_window)
+            if released:
+                point, per_window = self._starts_alone(point, slopes, per_window)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > (0 if len(own.parameters) else PATIENCE):
                 break

@@ -70,7 +70,9 @@ USUAL: Mapping[str, Mapping[str, str]] = {
 
 KNOWN_WELL = (("parameter_offset", "gravity"),)  # what nobody gets wrong
 
-PRESSED = "coefficient"  # the variant of dry friction that goes by what presses, where the simulator knows that
+PRESSED = (
+    "coefficient"  # the variant of dry friction that goes by what presses, where the simulator knows that
+)
 DRAG = ("quadratic_drag",)
 RARE = (
     "clock_drift", "wheel_saturation", "torque_speed_limit", "lugre_friction", "flexible_coupling", "cubic_spring",
@@ -98,7 +100,8 @@ class Law:
     """A law on offer: a candidate, whether it is usual there, and what it must bring beside its parameters [nats].
 
     starts: values of all its parameters from which it is looked for where it has no slope at nothing, else none.
-    free: it costs nothing but its parameters: the user requires it. gate: where it acts; owned: whether its simulator owns its integration.
+    free: the user requires it, and it costs nothing but its parameters. gate: where it acts. owned: whether its
+    simulator owns its integration.
     """
 
     candidate: Candidate
@@ -127,6 +130,11 @@ class Law:
     def merges(self) -> bool:
         """Whether it is told together with the law beside it: of a robot's joint both are told."""
         return not self.owned
+
+    @property
+    def dry(self) -> bool:
+        """Whether it is dry friction and one number, so that it chatters in coarse steps."""
+        return self.candidate.family == "coulomb_friction" and len(self.candidate.declared) == 1
 
     @property
     def has_slope(self) -> bool:

@@ -21,6 +21,7 @@ SURELY = 0.5  # nats by which another account must be better before it takes the
 Key = tuple[str, str, str]
 FIRST_LOOK, SETTLE, CLOSE = 2, 5, 4  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
+CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
 JUMPING = 0.6  # of what a law is worth, that lines may miss of one that jumps in its place
@@ -144,17 +145,32 @@ class Search:
         """The base's own step in the place of fine ones, where all that is usual explains more with it."""
         if scheme == "fine" or self.dear:
             return
-        fine, starts = self.account, self.account.fit.starts
+        fine = self.account
         coarse = replace(fine.hypothesis, scheme=scheme)
-        stepped = self.fitted(fine.laws, coarse, starts, SETTLE)
-        gain = max(self.needed(fine) - self.needed(stepped), self.profiled(stepped) - self.profiled(fine))
-        if gain > 1.0:
-            self.say("the base's own step", True, scheme, gain=gain)
-            self.account = stepped
+        stepped = [self.fitted(fine.laws, coarse, fine.fit.starts, SETTLE)]
+        dry = [law for law in self.laws if law.usual and law.dry]
+        stepped += [self._chattering(law, v, scheme) for law in dry for v in law.candidate.declared[0].starts]
+        for other in stepped:
+            gain = max(
+                self.needed(self.account) - self.needed(other),
+                self.profiled(other) - self.profiled(self.account),
+            )
+            if gain > SURELY:
+                self.say("the base's own step", True, scheme, gain=gain)
+                self.account = other
+        if self.account is not fine:
             base = replace(self.base.hypothesis, scheme=scheme)
             self.base = self.shooting.fit(self.shooting.at(base, self.base.starts), 3)
             self.tell_noise()
             self.refit(SETTLE)
+            self._probe([law for law in self.laws if law.usual])
+
+    def _chattering(self, law: Law, size: float, scheme: Scheme) -> Account:
+        """Dry friction alone, from start states as measured: where it chatters, these and other laws hide it."""
+        hypothesis = Hypothesis(scheme=scheme).plus(law.term([size]), law.candidate.declared)
+        starts = np.array(self.shooting.problem.windows.measured[:, 0])
+        point = self.shooting.fit(self.shooting.at(hypothesis, starts), CHATTERING, released=False)
+        return Account((law,), self.shooting.fit(point, SETTLE))
 
     def needed(self, account: Account) -> float:
         """What an account would cost once what does not pay is taken away, by the quadratic [nats]."""

@@ -78,7 +78,7 @@ class CurveSettings:
     """Rung 3: a measured curve of one input on top of the laws, where these leave something."""
 
     most: int = setting(2, "1", "curves, at most; 0 asks for none", least=0)
-    knots: int = setting(9, "1", "knots of a curve of one input", "friction that bends at low speed needs eight", least=3)
+    knots: int = setting(9, "1", "knots of a curve of one input", "friction bends at low speed", least=3)
     leaves: float = setting(
         0.0005,
         "1",
