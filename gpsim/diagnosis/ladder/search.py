@@ -155,7 +155,7 @@ class Search:
                 self.needed(self.account) - self.needed(other),
                 self.profiled(other) - self.profiled(self.account),
             )
-            if gain > SURELY:
+            if gain > 1.0:
                 self.say("the base's own step", True, scheme, gain=gain)
                 self.account = other
         if self.account is not fine:
@@ -163,7 +163,8 @@ class Search:
             self.base = self.shooting.fit(self.shooting.at(base, self.base.starts), 3)
             self.tell_noise()
             self.refit(SETTLE)
-            self._probe([law for law in self.laws if law.usual])
+            if dry and len(self.account.laws) == 1:
+                self._probe([law for law in self.laws if law.usual])
 
     def _chattering(self, law: Law, size: float, scheme: Scheme) -> Account:
         """Dry friction alone, from start states as measured: where it chatters, these and other laws hide it."""
