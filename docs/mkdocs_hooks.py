@@ -38,7 +38,6 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/diagnosis.md",
     "method/limits.md",
     "method/notation.md",
-    "method/acceptance.md",
     "method/gp.md",
     "method/speed.md",
     "method/blind_test.md",

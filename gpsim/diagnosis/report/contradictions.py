@@ -19,6 +19,9 @@ from gpsim.effects import own_name
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
 MUCH_MORE = 0.25  # of an account's error, that a black box takes off surely: it is not named
+LITTLE = (
+    0.05  # of the mismatch: where less is left, what a black box makes of it is no reason to doubt a name
+)
 CLOSE = 1.025  # of a ratio of probabilities: explanations are as likely, and numbers are rounded in the file
 
 
@@ -69,7 +72,8 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     ):
         yield "verdict named, and much less than nine tenths are explained"
     box = diagnosis["fit"].get("black_box")
-    if box and _at_least(box["takes_off"]) > MUCH_MORE:
+    told = share and (share["share"] if share["high"] is None else share["high"])
+    if box and _at_least(box["takes_off"]) > MUCH_MORE and (told is None or told < 1 - LITTLE):
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 
