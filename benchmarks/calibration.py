@@ -27,7 +27,7 @@ from scipy.stats import t as student
 
 from gpsim.diagnosis.assessment import intervals
 from gpsim.diagnosis.fitting import fit
-from gpsim.diagnosis.setup import candidates, prepare, settled_question
+from gpsim.diagnosis.setup import candidates, prepare
 from gpsim.simulators import make_simulator
 from gpsim.trials.blinding import conceal
 from gpsim.trials.drawing import SIZE, stratum_of
@@ -60,8 +60,6 @@ def calibrated(seed: int, number: int) -> list[Row]:
     parameters = simulator.defaults(recording.parameters)
     question = prepare(recording, simulator, parameters)
     truth = as_hypothesis(world.effects, candidates(question.recording, simulator, parameters))
-    searched = question.searched
-    question = settled_question(question, fit(searched, truth, searched.windows.measured[:, 0]))
     problem = question.everything
     found = fit(problem, truth, problem.windows.measured[:, 0])
     by_level = [intervals(problem, found, level) for level in LEVELS]

@@ -27,7 +27,7 @@ import numpy as np
 import yaml
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.run import Run
 from gpsim.mjcf import MjcfSimulator
 from gpsim.stages.diagnose import Task, open_recording
 
@@ -277,8 +277,10 @@ def run(name: str, out: Path, workers: int) -> dict[str, Any]:
     record(case, effects, int(samples), folder)
     recording, simulator = open_recording(Task(folder, None))
     wall, begun, own = time.perf_counter(), spent(), time.process_time()
-    with Watched() as rollouts, cores(workers) as pool:
-        found = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0), run=Run(pool))
+    with Watched() as rollouts:
+        found = diagnose(
+            recording, simulator, simulator.defaults(), np.random.default_rng(0), run=Run(threads=workers)
+        )
     diagnosis, share = found.diagnosis, rollouts.seconds / max(time.process_time() - own, 1e-9)
     claims = {(e.family, str(e.on)): e for e in diagnosis.effects}
     errors = {

@@ -18,7 +18,7 @@ import numpy as np
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.diagnosis.assessment import covariance
-from gpsim.diagnosis.fitting import Hypothesis, Problem, correlation_time, fit, mean_squares, scores
+from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
 from gpsim.diagnosis.left_open import visited_of
 from gpsim.diagnosis.setup import Question, candidates, prepare
 from gpsim.errors import UsageError
@@ -58,8 +58,10 @@ def left_open(world: World, question: Question) -> LeftOpen:
     """What the first recording cannot tell apart."""
     problem: Problem = question.everything
     starts = problem.windows.measured[:, 0]
-    fits = [fit(problem, hypothesis, starts, iterations=20) for hypothesis in explanations(world, question)]
-    nats = scores(problem, fits)
+    fits = [fit(problem, hypothesis, starts, 20) for hypothesis in explanations(world, question)]
+    noise = min((found.noise for found in fits), key=lambda noise: float(np.log(noise.white).sum()))
+    fits = [fit(problem, found.hypothesis, found.starts, 20, noise) for found in fits]
+    nats = np.array([-found.cost for found in fits])
     order = [int(i) for i in np.argsort(-nats) if nats[i] > nats.max() - TIE]
     weights = np.exp(nats[order] - nats.max())
     found = []
@@ -69,7 +71,7 @@ def left_open(world: World, question: Question) -> LeftOpen:
         ends = fits[i].hypothesis.theta[:, None] + np.outer(half, [-1.0, 1.0])
         found.append(Explanation(fits[i].hypothesis, float(weight), matrix, ends))
     best = fits[order[0]]
-    tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
+    tau = best.noise.times
     left = np.sqrt(mean_squares(problem, best.residuals))
     names = problem.simulator.state.names
     noise = dict(zip(names, (left * np.sqrt(tau)).tolist(), strict=True))
