@@ -195,12 +195,13 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     if diagnosis.verdict == "none":
         return ["train in the simulator as it is: it needs no correction"]
     held = [effect_name(e) for e in headline if _held(e)]
-    if diagnosis.tell_apart and diagnosis.alternatives:
+    named = diagnosis.verdict == "named"
+    if diagnosis.tell_apart and diagnosis.alternatives and not named:
         return [diagnosis.tell_apart]
     measured = [e.curve for e in headline if e.curve is not None]
     if measured and not diagnosis.remainder.structured:
         return [beyond(measured[0])]
-    if diagnosis.remainder.structured or diagnosis.verdict in ("unknown", "partial"):
+    if not named and (diagnosis.remainder.structured or diagnosis.verdict in ("unknown", "partial")):
         return [_where_it_moves(diagnosis)]
     if diagnosis.combinations:
         of = parameters_of(diagnosis.combinations[0])
@@ -210,7 +211,7 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     vague = max(headline, key=_vagueness, default=None)
     if vague is not None and _vagueness(vague) > VAGUE:
         return [f"record more of what {effect_name(vague)} does: its size is known least well"]
-    return ["no further recording is needed for this account"]
+    return ["use it: no further recording would change this account"]
 
 
 def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> str | None:

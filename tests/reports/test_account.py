@@ -173,11 +173,12 @@ def test_facts_of_the_log_and_combinations_are_left_too():
         (ambiguous(), TELL),
         (partial(), "record theta_dot over its whole range"),
         (named(), "measure cart_mass or force gain on its own: motion alone fixes only a combination"),
-        (SURE, "no further recording is needed for this account"),
+        (SURE, "use it: no further recording would change this account"),
         (replace(SURE, effects=(friction(), VAGUE)), "record more of what viscous friction on x does: its size is known"),
         (replace(SURE, effects=(HELD,)), "record more of what Coulomb friction on x does: its size is at the limit"),
-        (replace(SURE, remainder=REMEMBERS), "record steps of force with pauses longer than 0.4 s between them"),
-        (replace(SURE, remainder=made_remainder(structured=True)), "record slow and fast sweeps of every command"),
+        (replace(SURE, remainder=made_remainder(structured=True)), "use it"),
+        (replace(SURE, verdict="partial", remainder=REMEMBERS), "record steps of force with pauses longer than 0.4 s between them"),
+        (replace(SURE, verdict="partial", remainder=made_remainder(structured=True)), "record slow and fast sweeps of every command"),
     ],
 )  # fmt: skip
 def test_the_next_recording_is_the_one_that_would_help_most(found, said):
