@@ -24,6 +24,9 @@ from gpsim.recordings import Episode
 TIMES = 50.0  # the median window's cost, that such a window's is at least: seven times the usual error
 MOST = 0.03  # of all windows, that may be left out: where more are missed it is no accident
 RULES = 0.5  # of what all windows cost, that those left out cost together: others rule no fit
+UNEXPLAINED = (
+    0.1  # of what the base misses of it: laws that explain nine tenths of a window are right about it
+)
 FEWEST = 20  # windows: of fewer nobody can say what is usual
 ELSEWHERE = (
     0.99  # quantile of how far samples lie from those of other windows: nearer ones were met elsewhere
@@ -41,6 +44,8 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     squares = ((search.account.fit.residuals * plain) ** 2).sum(axis=2)
     costs = squares.sum(axis=1) / np.maximum(windows.valid.sum(axis=1), 1)
     far = costs > TIMES * np.median(costs)
+    base = ((search.base.residuals * plain) ** 2).sum(axis=2).sum(axis=1)
+    far &= squares.sum(axis=1) > UNEXPLAINED * base
     if not _few_that_rule(costs, far):
         return None
     far &= _inside_the_way(problem, squares.argmax(axis=1)) & _met_elsewhere(problem, far)
