@@ -42,6 +42,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/speed.md",
     "method/blind_test.md",
     "method/proofs.md",
+    "method/scored_logs.md",
     "method/after_the_loop.md",
     "method/scale.md",
 )
