@@ -93,10 +93,6 @@ class Effect(ABC):
         """How many parameters the law cost beside those that it declares: a measured shape's."""
         return 0.0
 
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Families of fewer parameters that are special cases of this law, with their values nearest to `values`."""
-        return {}
-
 
 class ForceEffect(Effect):
     """A generalised force on a coordinate. Its `law` is of (position, speed), `dry_law` of (position, speed, load)."""

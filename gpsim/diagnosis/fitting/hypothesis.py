@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -91,11 +90,6 @@ class Hypothesis:
         )
 
     @property
-    def unusual(self) -> int:
-        """How many of its terms are no part of the usual machine."""
-        return sum(not term.effect.usual for term in self.terms)
-
-    @property
     def idle(self) -> bool:
         """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
         return not self.terms or bool(self._idlers)
@@ -120,19 +114,6 @@ class Hypothesis:
             for i, (term, group) in enumerate(zip(self.terms, self.declared, strict=True))
             if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
         ]
-
-    def is_patchwork(self) -> bool:
-        """Whether laws are put together from what there is.
-
-        Terms that act in different regions of one channel are, where these differ by more than the edges of one region
-        that were placed twice; and terms that together leave an actuator hardly any commands to follow: a dead zone as
-        wide as a limit is high makes coarse levels.
-        """
-        regions = [item for t in self.terms for item in t.gate.region.items()]
-        apart = any(
-            a == b and not _same(one, other, SAME_EDGE) for (a, one), (b, other) in combinations(regions, 2)
-        )
-        return apart or self._in_levels(LEAST_COMMAND_RANGE)
 
     def _in_levels(self, least: float) -> bool:
         """Whether an actuator follows a range of commands that is less than that part of the largest one."""
@@ -190,13 +171,6 @@ class Hypothesis:
         )
         values = {p.name: term.values[base_name(p.name)] for p in own}
         return self._changed(index, {**term.values, **values}, (*declared, *own))
-
-    def with_shared(self, index: int, start: Sequence[float]) -> Hypothesis:
-        """One term that some recordings have as their own, with values from `start` on in all others, too."""
-        term, declared = self.terms[index], self.declared[index]
-        shared = tuple({base_name(p.name): replace(p, name=base_name(p.name)) for p in declared}.values())
-        values = {p.name: float(value) for p, value in zip(shared, start, strict=True)}
-        return self._changed(index, {**term.values, **values}, (*shared, *declared))
 
     def without_shared(self, index: int) -> Hypothesis:
         """One term that does nothing but in the recordings that have values of their own."""

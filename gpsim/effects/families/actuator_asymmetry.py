@@ -44,7 +44,3 @@ class ActuatorAsymmetry(ActuatorEffect):
     ) -> FloatArray:
         """Each direction with its own gain."""
         return np.where(commands > 0, values["gain_positive"], values["gain_negative"]) * commands
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """One gain for both directions."""
-        return {"actuator_gain": ((values["gain_positive"] + values["gain_negative"]) / 2,)}

@@ -63,7 +63,3 @@ class CoulombFriction(ForceEffect):
     def weighs(self, values: Values) -> bool:
         """A coefficient does."""
         return "coefficient" in values
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Of the same size in a region only; of the coefficient nothing is known there."""
-        return {"local_friction_patch": (values["force"],)} if "force" in values else {}

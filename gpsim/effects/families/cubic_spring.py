@@ -59,7 +59,3 @@ class CubicSpring(ForceEffect):
             ),
             place.rest_position,
         )
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """A straight spring."""
-        return {"spring": (max(values["stiffness"], 0.0), values["rest_position"])}

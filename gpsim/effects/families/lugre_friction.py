@@ -63,11 +63,3 @@ class LugreFriction(BristleEffect):
     def offers(self, place: Place, variant: str) -> bool:
         """Where a force yields."""
         return bool(place.yields)
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Bristles that do not bend."""
-        force, still = values["force"], values.get("static_force")
-        out: dict[str, tuple[float, ...]] = {"coulomb_friction": (force,)}
-        if still is not None:
-            out["stribeck_friction"] = (force, still, values["stribeck_velocity"])
-        return out

@@ -66,9 +66,3 @@ class StribeckFriction(ForceEffect):
         if RISE in values:
             return np.asarray(values[RISE] * fall)
         return np.asarray(values["force"] + np.maximum(values["static_force"] - values["force"], 0.0) * fall)
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Coulomb friction; in a region of its own coordinate that is a patch. Of the rise alone none."""
-        if RISE in values:
-            return {}
-        return {"coulomb_friction": (values["force"],), "local_friction_patch": (values["force"],)}

@@ -56,7 +56,3 @@ class TorqueSpeedLimit(DriveEffect):
                 falls=True,
             ),
         )
-
-    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """The same limit at every speed."""
-        return {"actuator_saturation": (values["stall"],)}
