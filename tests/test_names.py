@@ -190,10 +190,8 @@ def test_gates_at_channels_called_as_moments_are_other_hypotheses():
     def gated(gate):
         return Hypothesis((Term("viscous_friction", "q", {"damping": 1.0}, gate),))
 
-    region = {"time": (0.0, 1.0)}
-    assert not gated(Gate(since=1.0)).says_the_same_as(gated(Gate(region=region)))
-    region = {"episode": (0.0, 1.0)}
-    assert not gated(Gate(since_episode=1)).says_the_same_as(gated(Gate(region=region)))
+    assert gated(Gate(since=1.0)).names != gated(Gate(region={"time": (0.0, 1.0)})).names
+    assert gated(Gate(since_episode=1)).names != gated(Gate(region={"episode": (0.0, 1.0)})).names
     assert Tried(gated(Gate(since_episode=1)), 0.0).entry.gates == ("episode",)
     assert Tried(gated(Gate(since=1.0)), 0.0).entry.gates == ("time",)
 

@@ -196,7 +196,6 @@ def test_a_hypothesis_gives_takes_and_shares_own_values():
     shared = Hypothesis((Term("coulomb_friction", "q", {"force": 1.0}),), ((FORCE,),))
     own = shared.with_own(0, 1).having(np.array([1.0, 3.0]))
     assert own.theta.tolist() == [1.0, 3.0]
-    assert own.without_own(0, 1) == shared
     assert own.names == ("coulomb_friction on q (own in recording 2)",)
     assert own.in_recording(1).theta.tolist() == [3.0]
     assert own.in_recording(0) == shared

@@ -99,14 +99,6 @@ class Hypothesis:
         """Without the terms that do nothing."""
         return self.without_all(self._idlers)
 
-    def says_the_same_as(self, other: Hypothesis) -> bool:
-        """Whether the same terms stand behind the same gates, integrated alike, whatever their values."""
-        said = [
-            sorted((t.family, t.places, t.variant, repr(t.gate), t.owners) for t in h.terms)
-            for h in (self, other)
-        ]
-        return self.scheme == other.scheme and said[0] == said[1]
-
     @property
     def _idlers(self) -> list[int]:
         return [
@@ -178,12 +170,6 @@ class Hypothesis:
         nothing = {p.name: p.none for p in declared if owner_of(p.name) is None}
         own = tuple(p for p in declared if owner_of(p.name) is not None)
         return self._changed(index, {**term.values, **nothing}, own)
-
-    def without_own(self, index: int, recording: int) -> Hypothesis:
-        """One term with the values there that it has in other recordings."""
-        term, declared = self.terms[index], self.declared[index]
-        values = {name: v for name, v in term.values.items() if owner_of(name) != recording}
-        return self._changed(index, values, tuple(p for p in declared if owner_of(p.name) != recording))
 
     def in_recording(self, recording: int | None) -> Hypothesis:
         """What it says of one of several recordings, without what does nothing there; None: of any other one."""
