@@ -111,7 +111,7 @@ def _answer(
     sizes = estimates(question, judgement.leader, 1.0 - attribution.share.share)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
     forms = forms_of(judgement, attribution, climbed.asked)
-    doubts = doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings)
+    doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":
         attribution = replace(attribution, roles=tuple("slight" for _ in attribution.roles))

@@ -50,7 +50,7 @@ SIZE = {"gain": Estimate(0.8, 0.78, 0.82, "1")}
 def said(judged, worth, forms=("holds",), sizes=None, box=None, known=NOTHING_KNOWN):
     """The verdict, and the doubts behind it."""
     sizes = sizes or (SIZE,) * len(judged.leader.hypothesis.terms)
-    doubts = doubts_of(judged, worth, forms, sizes, box, Settings())
+    doubts = tuple(doubts_of(judged, worth, forms, sizes, box, Settings()))
     return verdict_of(judged, worth, doubts, Settings(), known), doubts
 
 

@@ -59,19 +59,8 @@ def doubts_of(
     sizes: Sequence[Mapping[str, Estimate]],
     box: BlackBox | None,
     settings: Settings,
-) -> tuple[Doubt, ...]:
-    """What keeps an account with effects from being named; none where it may be."""
-    return tuple(_doubts(judgement, attribution, forms, sizes, box, settings))
-
-
-def _doubts(
-    judgement: Judgement,
-    attribution: Attribution,
-    forms: Sequence[Form],
-    sizes: Sequence[Mapping[str, Estimate]],
-    box: BlackBox | None,
-    settings: Settings,
 ) -> Iterator[Doubt]:
+    """What keeps an account with effects from being named; nothing where it may be."""
     leader, numbers = judgement.leader.hypothesis, settings.verdict
     claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
     if not leader.terms:
