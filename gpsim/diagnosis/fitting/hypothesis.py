@@ -11,7 +11,6 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects import (
-    ActuatorEffect,
     Chain,
     EffectParameter,
     ForceEffect,
@@ -26,11 +25,6 @@ from gpsim.effects import (
     times_beyond,
 )
 from gpsim.simulators import Simulator
-
-SAME_EDGE = 0.05
-"""Of a region's width: edges nearer to each other are one that was placed twice (a region is a bin of 24 at least:
-edges are placed and known no better than that)."""
-LEAST_COMMAND_RANGE = 0.15  # of the largest command that is followed: a smaller range of commands is none
 
 SPELT_OUT = 4  # terms that a label names one by one; of more it counts those of a family
 
@@ -106,18 +100,6 @@ class Hypothesis:
             for i, (term, group) in enumerate(zip(self.terms, self.declared, strict=True))
             if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
         ]
-
-    def _in_levels(self, least: float) -> bool:
-        """Whether an actuator follows a range of commands that is less than that part of the largest one."""
-        spans: dict[str, tuple[float, float]] = {}
-        for term in self.terms:
-            if isinstance(term.effect, ActuatorEffect) and not term.gate:
-                low, high = term.effect.follows(term.values)
-                before = spans.get(term.on, (0.0, np.inf))
-                spans[term.on] = max(low, before[0]), min(high, before[1])
-        return any(
-            low > 0.0 and high - low < least * high for low, high in spans.values() if np.isfinite(high)
-        )
 
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""

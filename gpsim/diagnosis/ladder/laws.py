@@ -127,11 +127,6 @@ class Law:
         return len(self.candidate.declared) + edges
 
     @property
-    def merges(self) -> bool:
-        """Whether it is told together with the law beside it: of a robot's joint both are told."""
-        return not self.owned
-
-    @property
     def dry(self) -> bool:
         """Whether it is dry friction and one number, so that it chatters in coarse steps."""
         return self.candidate.family == "coulomb_friction" and len(self.candidate.declared) == 1
@@ -215,17 +210,11 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
     smooth = isinstance(effect, (ActuatorEffect, DriveEffect, SensorEffect)) or len(candidate.declared) == 1
     if smooth and not first.falls and len(first.starts) == 1 and first.step is None:
         return ()
-    paired = [p for p in candidate.declared[1:] if p.paired]
-    if paired:
-        rows = zip(*(p.starts for p in candidate.declared if len(p.starts) == len(first.starts)), strict=True)
+    if any(p.paired for p in candidate.declared[1:]):
+        count = len(first.starts)
         return tuple(
-            tuple(
-                row[[q for q in candidate.declared if len(q.starts) == len(first.starts)].index(p)]
-                if len(p.starts) == len(first.starts)
-                else p.starts[0]
-                for p in candidate.declared
-            )
-            for row in rows
+            tuple(p.starts[k] if len(p.starts) == count else p.starts[0] for p in candidate.declared)
+            for k in range(count)
         )
     out: list[tuple[float, ...]] = [(v,) for v in first.starts]
     for p in candidate.declared[1:]:

@@ -21,6 +21,7 @@ SURELY = 0.5  # nats by which another account must be better before it takes the
 Key = tuple[str, str, str]
 FIRST_LOOK, SETTLE, CLOSE = 2, 5, 4  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
+COARSER = 1.0  # nats by which the base's own step must be better: fine ones are nearer to physics
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
@@ -155,7 +156,7 @@ class Search:
                 self.needed(self.account) - self.needed(other),
                 self.profiled(other) - self.profiled(self.account),
             )
-            if gain > 1.0:
+            if gain > COARSER:
                 self.say("the base's own step", True, scheme, gain=gain)
                 self.account = other
         if self.account is not fine:
