@@ -15,7 +15,6 @@ from gpsim.diagnosis.fitting import Candidate, Hypothesis, fit
 from gpsim.diagnosis.judging import (
     Judgement,
     attribute,
-    beats_the_base,
     claimed,
     doubts_of,
     forms_of,
@@ -101,7 +100,7 @@ def _answer(
     attribution = attribute(question, judgement.leader, judgement.null, judgement.without, judgement.gains)
     step("rung 4", 88, "comparing on held-out data")
     comparison = compare(question, judgement, attribution, offers, rng)
-    if judgement.leader.hypothesis.terms and not beats_the_base(attribution, comparison.one_step.values()):
+    if judgement.leader.hypothesis.terms and attribution.share.share <= 0.0:
         question.run.trace.note(
             judgement.leader.hypothesis.names, (), False, "worse than the base on held-out data"
         )
@@ -110,7 +109,7 @@ def _answer(
         comparison = compare(question, judgement, attribution, offers, rng)
     sizes = estimates(question, judgement.leader, 1.0 - attribution.share.share)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
-    forms = forms_of(judgement, attribution, climbed.asked)
+    forms = forms_of(judgement, attribution, climbed.asked, settings.curves.tenth)
     doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":

@@ -5,7 +5,7 @@ from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, pr
 from gpsim.diagnosis.judging.judges import RolloutJudge, judge_at
 from gpsim.diagnosis.judging.rollout_windows import rollouts_in
 from gpsim.diagnosis.judging.shares import draws
-from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, forms_of, verdict_of
+from gpsim.diagnosis.judging.verdict import claimed, doubts_of, forms_of, verdict_of
 
 __all__ = [
     "SEED",
@@ -14,7 +14,6 @@ __all__ = [
     "RolloutJudge",
     "Tried",
     "attribute",
-    "beats_the_base",
     "claimed",
     "doubts_of",
     "draws",

@@ -24,15 +24,6 @@ from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
 
 SEED = 2040  # of the draws: the same account is judged alike, whoever asks
-DECIDES = (
-    4.0  # times the squares with an effect, or those of noise: so large are they without it where it decides
-)
-SELDOM = 5
-"""Blocks in which an effect decides that is a headline for that: a limit that is seldom reached, say."""
-BEYOND_DOUBT = 20.0  # nats: an effect that is worth as many is needed, whatever rollouts show
-OF_LEFT = (
-    5.0  # or times what the account leaves, that goes when an effect goes, if that is less than `needed`
-)
 
 
 @dataclass(frozen=True)
@@ -97,7 +88,7 @@ def attribute(
             need,
             left,
             nats,
-            _deciding(mismatch, whole, part),
+            _deciding(mismatch, whole, part, settings),
             _growth(mismatch, whole, part),
             settings,
         )
@@ -116,13 +107,13 @@ def role_of(
     settings: VerdictSettings,
 ) -> Role:
     """By the rule above. left: of the mismatch; decided: blocks in which it decides; grows: see `_growth`."""
-    if grows >= DECIDES and decided >= SELDOM:
+    if grows >= settings.decides and decided >= settings.seldom:
         return "headline"
     surely = needed.share if needed.low is None else needed.low
-    enough = surely > 0.0 and needed.share >= min(settings.needed, OF_LEFT * left)
-    if not enough and nats < BEYOND_DOUBT:
+    enough = surely > 0.0 and needed.share >= min(settings.needed, settings.of_left * left)
+    if not enough and nats < settings.beyond_doubt:
         return "slight"
-    decides = decided >= SELDOM and needed.share >= OF_LEFT * left
+    decides = decided >= settings.seldom and needed.share >= settings.of_left * left
     return "headline" if decides or importance >= settings.headline else "slight"
 
 
@@ -143,9 +134,9 @@ def _explained(
     return Explained(rollout=overall, channels=channels, judged_on=judged_on, counts=counts)
 
 
-def _deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> int:
+def _deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray, settings: VerdictSettings) -> int:
     """In how many blocks an effect decides: without it (B, S) far more is left than with it, and than noise makes."""
-    clearly = without > DECIDES * np.maximum(squares, mismatch.floor)
+    clearly = without > settings.decides * np.maximum(squares, mismatch.floor)
     return int((clearly & mismatch.counts & (without > 0)).any(axis=1).sum())
 
 

@@ -26,8 +26,6 @@ LEAD_ROUNDS = 3  # of the fit that says so
 NOISY_BEGINNING = 0.05
 """Of the base's squares in any channel, that noise may make of rollouts that begin in measured states."""
 WORST_ERROR = 20.0  # of a channel: an error that is larger counts as large as that [standard deviations]
-STANDS_OUT = 2.0
-"""Times the root mean square that noise alone makes: a channel's mismatch that is less does not count."""
 
 
 class Judge(Protocol):
@@ -125,7 +123,9 @@ def judge_at(
     floor = _floor(problem, windows, places, leader.hypothesis, noise, rng)
     before = _rolled(problem, windows, places, worst, [(null.hypothesis,)])[0]
     drawn = draws(len(before), settings.draws, rng)
-    mismatch = Mismatch(before, floor, scale, problem.observed, STANDS_OUT, drawn)
+    mismatch = Mismatch(
+        before, floor, scale, problem.observed, question.run.settings.verdict.stands_out, drawn
+    )
     return RolloutJudge(problem, windows, places, worst, mismatch, leaders)
 
 

@@ -27,18 +27,12 @@ from gpsim.diagnosis.report import (
     Form,
     Role,
     Share,
-    StepErrors,
     Verdict,
     no_size,
     sized,
 )
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import Measured
-
-MUCH_MORE = 0.25  # of the account's error, that a model which names nothing surely takes off
-WORSE_ONE_STEP = 1.2
-"""Times the base's error one step ahead: an account that surely makes more of it is not told."""
-IMPLAUSIBLE = 2.0  # times beyond the usual sizes: a headline so far out is not named
 
 
 def claimed(
@@ -69,13 +63,14 @@ def doubts_of(
         yield "left"
     if any(forms[i] == "approximate" for i in claims):
         yield "form"
-    if box is not None and _at_least(box.takes_off) > MUCH_MORE and _at_most(attribution.share) < 1 - LITTLE:
+    much_left = _at_most(attribution.share) < 1 - numbers.little
+    if box is not None and _at_least(box.takes_off) > numbers.black_box and much_left:
         yield "black box"
     if any(estimate.at_bound for i in claims for estimate in sizes[i].values()):
         yield "bound"
     if not all(sized(leader.terms[i].family, sizes[i]) for i in claims):
         yield "size"
-    if any(leader.times_beyond(i) >= IMPLAUSIBLE for i in claims):
+    if any(leader.times_beyond(i) >= numbers.implausible for i in claims):
         yield "implausible"
     if not claims:
         yield "no claim"
@@ -84,15 +79,10 @@ def doubts_of(
         yield "odds"
 
 
-LITTLE = (
-    0.05  # of the mismatch: where less is left, what a black box makes of it is no reason to doubt a name
-)
-
-
 def forms_of(
-    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]]
+    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]], tenth: float
 ) -> tuple[Form, ...]:
-    """Whether laws hold: where a curve of their own input was asked for, and holds less than a tenth beside them.
+    """Whether laws hold: where a curve of their own input was asked for, and holds less than a `tenth` beside them.
 
     asked: place and input of every curve that was.
     """
@@ -104,11 +94,8 @@ def forms_of(
             for other, share in zip(terms, attribution.importance, strict=True)
             if isinstance(other.effect, Measured) and other.on == term.on and term is not other
         ]
-        out.append("untested" if here not in asked else "approximate" if sum(beside) > DEPARTS else "holds")
+        out.append("untested" if here not in asked else "approximate" if sum(beside) > tenth else "holds")
     return tuple(out)
-
-
-DEPARTS = 0.1  # of the mismatch, that a curve takes beside a law which then holds only approximately
 
 
 def curves_hold(judgement: Judgement, attribution: Attribution) -> float:
@@ -165,18 +152,6 @@ def misses(judgement: Judgement, attribution: Attribution, enough: float) -> boo
     """Whether surely less than `enough` is explained, and there is something to explain."""
     something = attribution.explained.counts or judgement.structured
     return something and _at_most(attribution.share) < enough
-
-
-def beats_the_base(attribution: Attribution, one_step: Collection[StepErrors]) -> bool:
-    """Whether an account explains something, and is not surely worse one step ahead in some rate."""
-    if attribution.share.share <= 0.0:
-        return False
-    return not any(_low(e) > WORSE_ONE_STEP for e in one_step) or attribution.share.share > 0.5
-
-
-def _low(errors: StepErrors) -> float:
-    ratio = errors.after_over_before
-    return 0.0 if ratio is None or ratio.low is None else ratio.low
 
 
 def _at_most(share: Share) -> float:

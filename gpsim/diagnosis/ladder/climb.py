@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
@@ -32,8 +34,6 @@ from gpsim.effects import EffectParameter, Measured, Term, closed
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH, FINISH_OF_A_ROBOT = 10, 3  # rounds of the last fit
 WITHOUT = 4  # rounds of the fit of an account with one law less
-BY_CHANCE = 1e-2  # p-value of whiteness below which something is left over
-UNNAMED = 1e-4  # the same where no law stands
 
 Step = Callable[[str, int, str], None]
 
@@ -68,7 +68,12 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
     search.eliminate()
+    _on_all(search, question.everything)
+    search.unusual()
+    search.eliminate()
     gated(search)
+    search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    search.eliminate()
     _finer(search)
     search.swap()
     search.require()
@@ -93,9 +98,26 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
     search.usual({} if sized is None else sized.values)
-    search.in_base_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     search.eliminate()
     return search
+
+
+def _on_all(search: Search, everything: Problem) -> None:
+    """What is found on some windows holds on all of them, and what is slight shows there."""
+    if search.dear or len(everything.windows) == len(search.shooting.problem.windows):
+        return
+    search.shooting = Shooting(everything, None)
+    search.shooting.problem = replace(everything, substeps=everything.substeps)
+    starts = everything.windows.measured[:, 0]
+    null = search.shooting.at(replace(search.base.hypothesis), np.array(starts))
+    search.base = search.shooting.fit(null, WITHOUT)
+    found = search.shooting.at(search.account.hypothesis, np.array(starts))
+    search.shooting.told_by(found.residuals)
+    search.account = Account(search.account.laws, search.shooting.fit(search.shooting.counted(found), WITHOUT))
+    search.tell_noise()
+    search.refit(WITHOUT)
+    search.tried.clear()
 
 
 def _finer(search: Search) -> None:
@@ -130,7 +152,8 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
     null = fit(everything, Hypothesis(scheme=hypothesis.scheme), rounds=WITHOUT, noise=leader.noise)
     without = _without(everything, leader)
     p_value, _ = whiteness(everything, leader)
-    least = BY_CHANCE if hypothesis.terms else UNNAMED
+    chance = question.run.settings.verdict.chance
+    least = chance if hypothesis.terms else chance**2
     left = unexplained(everything, leader)
     search.account = laws
     ranking = _ranking(search, leader.hypothesis)

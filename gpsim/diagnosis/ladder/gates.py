@@ -68,33 +68,34 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
             continue
         if effect.drifts:
             continue
-        values, step = _values(account, law, stands, search)
-        parts = [] if stands is None else [stands]
-        _, plain = account.without(parts)
+        # A law that stands may be right in a part alone, with another size: beside itself it tells which.
+        fresh = law.has_slope
+        values, step = _nothing(law) if fresh else ([*_standing(account, stands, law)], 1.0)
+        beside = account.hypothesis if fresh else account.without([stands])[1]
         for gate in _gates(shooting.problem, law):
-            term = replace(law.term(values), gate=gate)
-            hypothesis = plain.plus(term, law.candidate.declared)
+            term, owned = replace(law.term(values), gate=gate), _priced(search, law, gate)
+            hypothesis = beside.plus(term, law.candidate.declared)
             left = shooting.residuals(hypothesis, hypothesis.theta[None], account.fit.starts[None])[0]
             white = np.nan_to_num(left * shooting.noise.whitening).reshape(len(account.fit.starts), -1)
-            owned = _priced(search, law, gate)
-            if stands is None:
-                column = (lines.slopes.r - white) / step
-                gain, size = lines.along(column)
-                own = law.candidate.declared[0]
-                if not own.low <= own.none + size <= own.high:
-                    continue
-                start = [own.none + size, *values[1:]]
-                yield gain - search.price(owned), owned, start
-            else:
+            if not fresh:
                 yield lines.gain(white) - (search.price(owned) - search.price(law)), owned, values
+                continue
+            gain, size = lines.along((lines.slopes.r - white) / step)
+            own = law.candidate.declared[0]
+            first = own.none + size + (0.0 if stands is None else _standing(account, stands, law)[0] - own.none)
+            paid = 0.0 if stands is None else search.price(law)
+            if own.low <= first <= own.high:
+                yield gain - search.price(owned) + paid, owned, [first, *values[1:]]
 
 
-def _values(account: Account, law: Law, stands: int | None, search: Search) -> tuple[list[float], float]:
-    if stands is not None:
-        return [account.hypothesis.terms[stands].values[p.name] for p in law.candidate.declared], 1.0
+def _standing(account: Account, index: int, law: Law) -> list[float]:
+    return [account.hypothesis.terms[index].values[p.name] for p in law.candidate.declared]
+
+
+def _nothing(law: Law) -> tuple[list[float], float]:
+    """The values of a law a little off nothing, and how far that is."""
     step, values = nudged(law)
-    own = law.candidate.declared[0]
-    return values, (values[0] - own.none) or step
+    return values, (values[0] - law.candidate.declared[0].none) or step
 
 
 def _priced(search: Search, law: Law, gate: Gate) -> Law:

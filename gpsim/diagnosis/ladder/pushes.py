@@ -18,20 +18,11 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Problem
 from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.report import LogFact
+from gpsim.diagnosis.settings import PushSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.recordings import Episode
 
-TIMES = 50.0  # the median window's cost, that such a window's is at least: seven times the usual error
-MOST = 0.03  # of all windows, that may be left out: where more are missed it is no accident
-RULES = 0.5  # of what all windows cost, that those left out cost together: others rule no fit
-UNEXPLAINED = (
-    0.1  # of what the base misses of it: laws that explain nine tenths of a window are right about it
-)
 FEWEST = 20  # windows: of fewer nobody can say what is usual
-ELSEWHERE = (
-    0.99  # quantile of how far samples lie from those of other windows: nearer ones were met elsewhere
-)
-AT_AN_END = 0.1  # of a coordinate's way, that counts as its end
 
 
 def without_pushes(question: Question, search: Search) -> Question | None:
@@ -43,13 +34,14 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     plain = search.shooting.base_weights / search.shooting.noise.white
     squares = ((search.account.fit.residuals * plain) ** 2).sum(axis=2)
     costs = squares.sum(axis=1) / np.maximum(windows.valid.sum(axis=1), 1)
-    far = costs > TIMES * np.median(costs)
+    numbers = problem.run.settings.pushes
+    far = costs > numbers.times * np.median(costs)
     base = ((search.base.residuals * plain) ** 2).sum(axis=2).sum(axis=1)
-    far &= squares.sum(axis=1) > UNEXPLAINED * base
-    if not _few_that_rule(costs, far):
+    far &= squares.sum(axis=1) > numbers.unexplained * base
+    if not _few_that_rule(costs, far, numbers):
         return None
     far &= _inside_the_way(problem, squares.argmax(axis=1)) & _met_elsewhere(problem, far)
-    if not _few_that_rule(costs, far):
+    if not _few_that_rule(costs, far, numbers):
         return None
     spans = [
         (int(e), float(t[0]), float(t[valid][-1]))
@@ -78,10 +70,10 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     )
 
 
-def _few_that_rule(costs: FloatArray, which: BoolArray) -> bool:
+def _few_that_rule(costs: FloatArray, which: BoolArray, numbers: PushSettings) -> bool:
     """Whether some windows, and few of them, cost most of what all cost."""
-    few = 0 < int(which.sum()) <= max(MOST * len(costs), 1.0)
-    return few and float(costs[which].sum()) >= RULES * float(costs.sum())
+    few = 0 < int(which.sum()) <= max(numbers.most * len(costs), 1.0)
+    return few and float(costs[which].sum()) >= numbers.rules * float(costs.sum())
 
 
 def _inside_the_way(problem: Problem, when: FloatArray) -> BoolArray:
@@ -94,7 +86,7 @@ def _inside_the_way(problem: Problem, when: FloatArray) -> BoolArray:
     x = problem.windows.measured[..., columns]
     rows = x.reshape(-1, len(columns))
     low, high = rows.min(axis=0), rows.max(axis=0)
-    margin = AT_AN_END * (high - low)
+    margin = problem.run.settings.pushes.end * (high - low)
     moment = x[np.arange(len(x)), when]
     return np.asarray(((moment > low + margin) & (moment < high - margin)).all(axis=1))
 
@@ -108,7 +100,7 @@ def _met_elsewhere(problem: Problem, far: BoolArray) -> BoolArray:
     spread = usual.reshape(-1, points.shape[2]).std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0)
     first, second = ((usual[k::2] / scale).reshape(-1, points.shape[2]) for k in (0, 1))
-    within = float(np.quantile(cKDTree(first).query(second)[0], ELSEWHERE))
+    within = float(np.quantile(cKDTree(first).query(second)[0], problem.run.settings.pushes.elsewhere))
     tree = cKDTree((usual / scale).reshape(-1, points.shape[2]))
     met = np.zeros(len(far), dtype=np.bool_)
     met[far] = [np.median(tree.query(window / scale)[0]) <= within for window in points[far]]

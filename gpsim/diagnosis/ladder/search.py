@@ -15,18 +15,13 @@ from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.effects import Scheme, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
-ROBOT_LEAVES = 0.2  # of a robot's misfit, from which unusual laws are asked for: hundreds of simulations
-HARMLESS = 0.1  # of what a law gains in training, that held-out windows may lose by it
-SURELY = 0.5  # nats by which another account must be better before it takes the place of the one that stands
 Key = tuple[str, str, str]
-FIRST_LOOK, SETTLE, CLOSE = 2, 5, 4  # rounds of a fit: among others, after a change, before a decision
+FIRST_LOOK, SETTLE, CLOSE, FINISH = 2, 5, 4, 10  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
-COARSER = 1.0  # nats by which the base's own step must be better: fine ones are nearer to physics
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
 JUMPING = 0.6  # of what a law is worth, that lines may miss of one that jumps in its place
-HIDDEN = 10.0  # times what a law gains, that it gains once its own traces are no noise any more: then these judge it
 
 
 class Search:
@@ -142,24 +137,25 @@ class Search:
             kept.append(law)
         return kept
 
-    def in_base_steps(self, scheme: Scheme) -> None:
-        """The base's own step in the place of fine ones, where all that is usual explains more with it."""
-        if scheme == "fine" or self.dear:
+    def in_other_steps(self, own: Scheme) -> None:
+        """The base's own step in the place of fine ones, or these in its, where the account explains more with them."""
+        if own == "fine" or self.dear:
             return
-        fine = self.account
-        coarse = replace(fine.hypothesis, scheme=scheme)
-        stepped = [self.fitted(fine.laws, coarse, fine.fit.starts, SETTLE)]
-        dry = [law for law in self.laws if law.usual and law.dry]
+        before = self.account
+        scheme: Scheme = own if before.hypothesis.scheme == "fine" else "fine"
+        other_steps = replace(before.hypothesis, scheme=scheme)
+        stepped = [self.fitted(before.laws, other_steps, before.fit.starts, SETTLE)]
+        dry = [law for law in self.laws if law.usual and law.dry and scheme == own]
         stepped += [self._chattering(law, v, scheme) for law in dry for v in law.candidate.declared[0].starts]
         for other in stepped:
             gain = max(
                 self.needed(self.account) - self.needed(other),
                 self.profiled(other) - self.profiled(self.account),
             )
-            if gain > COARSER:
-                self.say("the base's own step", True, scheme, gain=gain)
+            if gain > self.numbers.surely:
+                self.say("the base's own step" if scheme == own else "fine steps", True, scheme, gain=gain)
                 self.account = other
-        if self.account is not fine:
+        if self.account is not before:
             base = replace(self.base.hypothesis, scheme=scheme)
             self.base = self.shooting.fit(self.shooting.at(base, self.base.starts), 3)
             self.tell_noise()
@@ -200,20 +196,20 @@ class Search:
         A law is worth what it gains under the noise as it is, or under the noise that it leaves, if that is more: a
         mismatch that is large makes its own noise.
         """
-        if self.left() <= 0.0:
+        if not self.account.laws and self.left() <= 0.0:
             return False
         found = sorted(self.offers(laws), key=lambda o: self.price(o.law) - o.gain)[:most]
-        best, most_worth = None, SURELY
+        best, most_worth, before = None, self.numbers.surely, self.profiled(self.account)
         for offer in found:
             added, hypothesis = self.account.plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
             self.tried.append(tried)
             gain, price = self.account.fit.cost - tried.fit.cost, self.price(offer.law)
-            profiled, brought, ruler = self.profiled(tried), gain, self.shooting
-            if profiled > HIDDEN * max(gain, self.numbers.unusual):
+            profiled, brought, ruler = self.profiled(tried) - before, gain, self.shooting
+            if profiled > self.numbers.hidden * max(gain, self.numbers.unusual):
                 ruler = self._ruler(tried)
-                before, after = (ruler.costs(a.fit.residuals).sum() for a in (self.account, tried))
-                brought = float(before - after)
+                had, has = (ruler.costs(a.fit.residuals).sum() for a in (self.account, tried))
+                brought = float(had - has)
             enough = brought - min(price, brought / 2) >= self._enough(offer.law, ruler)
             worth = max(gain, profiled) - price
             if worth > most_worth and enough and not self._strange(tried, offer.law):
@@ -269,7 +265,7 @@ class Search:
 
     def unusual(self) -> None:
         """Unusual laws beside the usual ones, one at a time, while one pays its price and a part of what is left."""
-        if self.dear and self.left() < ROBOT_LEAVES * self.missing():
+        if self.dear and self.left() < self.numbers.robot_leaves * self.missing():
             return
         for _ in range(2 if self.dear else 6):
             absent = [law for law in self.laws if not self.account.holds(law)]
@@ -376,14 +372,14 @@ class Search:
                 done.add((law.key, other.key, names))
                 laws, hypothesis = part.plus(other, offer.values)
                 tried = self.fitted(laws, hypothesis, part.fit.starts, FIRST_LOOK)
-                if self.score(tried) > now + HOPELESS:
+                if self.score(tried) > now + max(HOPELESS, 0.5 * JUMPING * missed):
                     continue
-                tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, CLOSE)), other)
+                tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, FINISH)), other)
                 self.tried.append(tried)
                 gain = now - self.score(tried)
                 if gain < self._enough_in_place(law, other) or self._strange(tried, other):
                     continue
-                if gain + self.later(account) - self.later(tried) > SURELY:
+                if gain + self.later(account) - self.later(tried) > self.numbers.surely:
                     self.say(f"stands in for {law.name}", True, other.name, gain=now - self.score(tried))
                     self.account = tried
                     return True
@@ -392,7 +388,7 @@ class Search:
     def _misled(self, other: Law, law: Law, missed: float) -> float:
         """Nats by which lines may be wrong of a law in another's place: by much where it jumps, as delays do."""
         same = other.candidate.place.on == law.candidate.place.on
-        return HOPELESS if other.has_slope or not same else max(HOPELESS, JUMPING * missed)
+        return max(HOPELESS, JUMPING * missed)
 
     def _leaner(self, account: Account, kept: Law) -> Account:
         """An account without what no longer pays beside a law."""
@@ -408,7 +404,7 @@ class Search:
 
     def _enough_in_place(self, law: Law, other: Law) -> float:
         """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake."""
-        return self._enough(other) if other.price > law.price else SURELY
+        return self._enough(other) if other.price > law.price else self.numbers.surely
 
     def _strange(self, account: Account, law: Law) -> bool:
         """Whether an unusual law has a size that no machine has."""
@@ -426,7 +422,7 @@ class Search:
         shooting, noise = self.held_out, self.shooting.noise
         shooting.noise = Noise(noise.white, noise.times, shooting.base_weights)
         point = shooting.at(account.hypothesis.frozen(), np.array(shooting.problem.windows.measured[:, 0]))
-        return shooting.fit(point, 3) if len(point.starts) else point
+        return shooting.fit(point, 8) if len(point.starts) else point
 
     # What the user requires
 
@@ -467,7 +463,7 @@ class Search:
                 gains = self.judged(less[law.key]).costs - mine.costs
                 gain, sd = float(gains.sum()), float(np.sqrt(len(gains)) * gains.std())
                 trained = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
-                short = min(gain + 0.5 * sd + HARMLESS * trained, gain + trained)
+                short = min(gain + 0.5 * sd + self.numbers.harmless * trained, gain + trained)
                 if not law.usual:
                     short = min(short, gain + trained - self.numbers.held_out * left)
                 if short < 0 and (bad is None or (law.usual, short) < bad[:2]):

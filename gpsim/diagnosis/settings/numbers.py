@@ -68,9 +68,53 @@ class LawSettings:
     held_out: float = setting(
         0.15, "1", "of what is left, that an unusual law is worth with held-out windows counted in"
     )
+    harmless: float = setting(
+        0.1, "1", "of what a law gains in training, that held-out windows may lose by it"
+    )
+    surely: float = setting(
+        0.5,
+        "nats",
+        "by which another account, or the base's own step, must be better to take the account's place",
+    )
+    hidden: float = setting(
+        10.0, "1", "times what a law gains, that it gains by the noise it leaves: then that one judges it",
+        "a mismatch that is large makes its own noise",
+    )  # fmt: skip
+    robot_leaves: float = setting(
+        0.2,
+        "1",
+        "of a robot's misfit, that usual laws must leave before unusual ones are asked for",
+        "they are dear",
+    )
 
     def __post_init__(self) -> None:
-        check(self, shares=("share", "share_of_unusual", "share_of_gate", "material", "nearly_all"))
+        shares = ("share", "share_of_drag", "share_of_unusual", "share_of_gate", "material", "nearly_all")
+        check(self, shares=shares)
+
+
+@dataclass(frozen=True)
+class PushSettings:
+    """Moments at which something from outside acted: windows that the usual machine misses are left out."""
+
+    times: float = setting(
+        50.0, "1", "the median window's cost, that such a window's is", "7 times the usual error"
+    )
+    most: float = setting(0.03, "1", "of all windows, at most", "where more are missed it is no accident")
+    rules: float = setting(
+        0.5, "1", "of what all windows cost, that they cost together", "others rule no fit"
+    )
+    unexplained: float = setting(
+        0.1,
+        "1",
+        "of what the base misses of it, that laws leave",
+        "laws that explain nine tenths are right about it",
+    )
+    elsewhere: float = setting(
+        0.99,
+        "1",
+        "quantile of how far samples lie from those of other windows: nearer ones were met elsewhere",
+    )
+    end: float = setting(0.1, "1", "of a coordinate's way, that counts as its end, where stops are")
 
 
 @dataclass(frozen=True)
@@ -118,6 +162,30 @@ class VerdictSettings:
         3.0, "1", "to one, against an account without one of its claims: with less it is ambiguous"
     )
     rivals: int = setting(6, "1", "that are told, at most", least=0)
+    chance: float = setting(1e-2, "1", "p-value of whiteness, below which something is left over")
+    beyond_doubt: float = setting(
+        20.0, "nats", "that an effect is worth, which is needed whatever rollouts show"
+    )
+    of_left: float = setting(
+        5.0, "1", "times what is left, that goes with a headline, if that is less than `needed`"
+    )
+    decides: float = setting(
+        4.0,
+        "1",
+        "times the squares with an effect, or of noise, without it, where it decides",
+        "twice the error",
+    )
+    seldom: int = setting(
+        5, "blocks", "in which an effect decides that is a headline for that", "a stop is met seldom"
+    )
+    stands_out: float = setting(
+        2.0, "1", "times the noise's error, that the base's is in a channel that counts"
+    )
+    black_box: float = setting(
+        0.25, "1", "of the account's error, that a model without names takes off: partial"
+    )
+    little: float = setting(0.05, "1", "of the mismatch: where less is left, no black box counts")
+    implausible: float = setting(2.0, "1", "times beyond usual sizes: a headline so far out is not named")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from gpsim.diagnosis.settings.numbers import (
     IntervalSettings,
     LawSettings,
     LogFactSettings,
+    PushSettings,
     RolloutSettings,
     VerdictSettings,
     WindowSettings,
@@ -59,6 +60,7 @@ class Settings:
     windows: WindowSettings = field(default_factory=WindowSettings)
     log_facts: LogFactSettings = field(default_factory=LogFactSettings)
     laws: LawSettings = field(default_factory=LawSettings)
+    pushes: PushSettings = field(default_factory=PushSettings)
     curves: CurveSettings = field(default_factory=CurveSettings)
     rollouts: RolloutSettings = field(default_factory=RolloutSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)

@@ -25,7 +25,7 @@ class MinimumTurningRadius(VehicleEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Radius [m]; from several starts."""
-        return (EffectParameter("radius", "m", 1e-3, 20.0, (0.2, 0.5, 1.2), 0.2),)
+        return (EffectParameter("radius", "m", 1e-3, 20.0, (0.1, 0.2, 0.3, 0.45, 0.7, 1.2, 2.5, 5.0), 0.2),)
 
     def twist(
         self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
