@@ -11,7 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis
 from gpsim.diagnosis.report import Claims, Odds, RankedHypothesis
 from gpsim.diagnosis.settings import VerdictSettings
-from gpsim.effects import Gate, Moment
+from gpsim.effects import CURVES, Gate, Moment
 
 FAR_AHEAD = 100.0
 """By which another account may be ahead, if something else than evidence chose the leader [nats]."""
@@ -66,7 +66,12 @@ def claims_of(hypothesis: Hypothesis) -> Claims:
 
 
 def odds_against(ranking: Sequence[Tried], leader: Hypothesis, claim: tuple[str, str]) -> Odds:
-    """The log odds of the leader against the best account without a claim, and which that is."""
+    """The log odds of the leader against the best account without a claim, and which that is.
+
+    Of a measured curve none: it stands on top of whichever laws are right.
+    """
+    if claim[0] in CURVES:
+        return Odds(None, ())
     rivals = [r for r in ranking if claim not in r.hypothesis.claims and not r.refused]
     if not rivals:
         return Odds(None, ())

@@ -14,8 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
@@ -68,9 +66,9 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
     search.eliminate()
-    _on_all(search, question.everything)
-    search.unusual()
-    search.eliminate()
+    if search.on_all(question.everything):
+        search.unusual()
+        search.eliminate()
     gated(search)
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     search.eliminate()
@@ -103,23 +101,6 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
     return search
 
 
-def _on_all(search: Search, everything: Problem) -> None:
-    """What is found on some windows holds on all of them, and what is slight shows there."""
-    if search.dear or len(everything.windows) == len(search.shooting.problem.windows):
-        return
-    search.shooting = Shooting(everything, None)
-    search.shooting.problem = replace(everything, substeps=everything.substeps)
-    starts = everything.windows.measured[:, 0]
-    null = search.shooting.at(replace(search.base.hypothesis), np.array(starts))
-    search.base = search.shooting.fit(null, WITHOUT)
-    found = search.shooting.at(search.account.hypothesis, np.array(starts))
-    search.shooting.told_by(found.residuals)
-    search.account = Account(search.account.laws, search.shooting.fit(search.shooting.counted(found), WITHOUT))
-    search.tell_noise()
-    search.refit(WITHOUT)
-    search.tried.clear()
-
-
 def _finer(search: Search) -> None:
     """The account on a finer grid: slight laws that made up for coarse steps go."""
     problem = search.shooting.problem
@@ -130,8 +111,8 @@ def _finer(search: Search) -> None:
     account = search.account
     point = search.shooting.at(account.hypothesis, account.fit.starts)
     search.account = Account(account.laws, search.shooting.fit(point, WITHOUT))
-    search.tell_noise()
     search.tried.clear()
+    search.tell_noise()
 
 
 def _finished(question: Question, search: Search, laws: Account) -> tuple[Question, Judgement]:

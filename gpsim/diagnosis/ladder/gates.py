@@ -82,7 +82,9 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
                 continue
             gain, size = lines.along((lines.slopes.r - white) / step)
             own = law.candidate.declared[0]
-            first = own.none + size + (0.0 if stands is None else _standing(account, stands, law)[0] - own.none)
+            first = (
+                own.none + size + (0.0 if stands is None else _standing(account, stands, law)[0] - own.none)
+            )
             paid = 0.0 if stands is None else search.price(law)
             if own.low <= first <= own.high:
                 yield gain - search.price(owned) + paid, owned, [first, *values[1:]]

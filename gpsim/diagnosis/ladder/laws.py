@@ -132,6 +132,11 @@ class Law:
         return self.candidate.family == "coulomb_friction" and len(self.candidate.declared) == 1
 
     @property
+    def is_ratio(self) -> bool:
+        """Whether it multiplies something that the base has."""
+        return len(self.candidate.declared) == 1 and self.candidate.declared[0].none == 1.0
+
+    @property
     def has_slope(self) -> bool:
         """Whether its size can be told from its slope where it does nothing."""
         return not self.starts

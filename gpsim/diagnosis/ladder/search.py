@@ -16,12 +16,17 @@ from gpsim.effects import Scheme, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
 Key = tuple[str, str, str]
-FIRST_LOOK, SETTLE, CLOSE, FINISH = 2, 5, 4, 10  # rounds of a fit: among others, after a change, before a decision
+FIRST_LOOK, SETTLE, CLOSE, FINISH = (
+    2,
+    5,
+    4,
+    10,
+)  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
-JUMPING = 0.6  # of what a law is worth, that lines may miss of one that jumps in its place
+MISLED = 0.6  # of what a law is worth, by which lines may be wrong of another one in its place
 
 
 class Search:
@@ -41,6 +46,7 @@ class Search:
         self.account = Account((), self.shooting.at(Hypothesis(), np.array(starts)))
         self.base = self.account.fit
         self.tried: list[Account] = []
+        self.gauges: set[Key] = set()
         self.dear = closed(problem.simulator) is not None
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
@@ -58,9 +64,11 @@ class Search:
         return account.fit.cost + bill(account.laws, self.shooting.noise.effective, self.numbers.law)
 
     def tell_noise(self) -> None:
-        """The noise as the account leaves it, under which it is counted anew."""
+        """The noise as the account leaves it, under which all that was tried is counted anew."""
         self.shooting.told_by(self.account.fit.residuals)
-        self.account = Account(self.account.laws, self.shooting.counted(self.account.fit))
+        self.account, *self.tried = (
+            Account(a.laws, self.shooting.counted(a.fit)) for a in (self.account, *self.tried)
+        )
 
     def refit(self, rounds: int) -> None:
         """The account fitted on."""
@@ -131,6 +139,7 @@ class Search:
             rest = float(left @ left)
             if size <= 0.0 or rest < INDEPENDENT * size:
                 self.say("others make up for it", False, law.name)
+                self.gauges.add(law.key)
                 continue
             unit = (left / np.sqrt(rest))[:, None]
             basis = unit if basis is None else np.concatenate([basis, unit], axis=1)
@@ -272,6 +281,20 @@ class Search:
             if not self.add_best(absent, PROBED + 1):
                 return
 
+    def on_all(self, everything: Problem) -> bool:
+        """The account on all windows, on which what is slight shows; whether it was sought on fewer."""
+        if self.dear or len(everything.windows) == len(self.shooting.problem.windows):
+            return False
+        self.shooting, starts = Shooting(everything), np.array(everything.windows.measured[:, 0])
+        self.base = self.shooting.fit(self.shooting.at(self.base.hypothesis, starts), CLOSE)
+        found = self.shooting.at(self.account.hypothesis, starts)
+        self.shooting.told_by(found.residuals)
+        self.account = Account(self.account.laws, self.shooting.fit(self.shooting.counted(found), CLOSE))
+        self.tried.clear()
+        self.tell_noise()
+        self.refit(CLOSE)
+        return True
+
     # Taking away
 
     def eliminate(self) -> None:
@@ -363,16 +386,21 @@ class Search:
             absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
             missed = self.score(part) - now
             offered = offers.in_place(absent, law, rows[index], part.fit)
-            near = [
-                o for o in offered if o.gain - self.price(o.law) > missed - self._misled(o.law, law, missed)
-            ]
+            misled = max(HOPELESS, MISLED * missed)
+            near = [o for o in offered if o.gain - self.price(o.law) > missed - misled]
             near = sorted(near, key=lambda o: self.price(o.law) - o.gain)[:PROBED]
+            gauges = {o.key for o in absent if law.is_ratio and o.is_ratio and o.key in self.gauges}
+            near += [o for o in offered if o.law.key in gauges and o not in near]
             for offer in near:
-                other = offer.law
+                other, starts = offer.law, part.fit.starts
                 done.add((law.key, other.key, names))
                 laws, hypothesis = part.plus(other, offer.values)
-                tried = self.fitted(laws, hypothesis, part.fit.starts, FIRST_LOOK)
-                if self.score(tried) > now + max(HOPELESS, 0.5 * JUMPING * missed):
+                if other.key in gauges:  # a mass and a motor's gain, all forces free: as much the other way
+                    (ratio,) = account.hypothesis.terms[index].values.values()
+                    laws, hypothesis = self._in_gauge(index, other, ratio)
+                    starts = account.fit.starts
+                tried = self.fitted(laws, hypothesis, starts, FIRST_LOOK)
+                if self.score(tried) > now + max(HOPELESS, 0.5 * MISLED * missed):
                     continue
                 tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, FINISH)), other)
                 self.tried.append(tried)
@@ -385,10 +413,18 @@ class Search:
                     return True
         return False
 
-    def _misled(self, other: Law, law: Law, missed: float) -> float:
-        """Nats by which lines may be wrong of a law in another's place: by much where it jumps, as delays do."""
-        same = other.candidate.place.on == law.candidate.place.on
-        return max(HOPELESS, JUMPING * missed)
+    def _in_gauge(self, index: int, other: Law, ratio: float) -> tuple[tuple[Law, ...], Hypothesis]:
+        """The account with a ratio in another one's place, which is as much the other way, as all forces are then."""
+        laws, hypothesis = self.account.without([index])
+        terms = []
+        for term, declared in zip(hypothesis.terms, hypothesis.declared, strict=True):
+            size = declared[0].name if term.effect.site == "force" and declared[0].unit != "1" else None
+            values = {name: value / ratio if name == size else value for name, value in term.values.items()}
+            terms.append(replace(term, values=values))
+        scaled = replace(hypothesis, terms=tuple(terms)).plus(
+            other.term([1.0 / ratio]), other.candidate.declared
+        )
+        return (*laws, other), scaled
 
     def _leaner(self, account: Account, kept: Law) -> Account:
         """An account without what no longer pays beside a law."""
