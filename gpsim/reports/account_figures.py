@@ -14,7 +14,6 @@ from matplotlib.patches import Patch, Rectangle
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Traces
 from gpsim.diagnosis.report import Curve, MeasuredCurve, NamedEffect
 from gpsim.reports.account_effects import claim_name, effect_name, law_name, nearest_said, told_effects
 from gpsim.reports.account_sentences import left_share
@@ -37,6 +36,7 @@ from gpsim.reports.diagnosis_figures import COLOURS, Picture, draw_trace
 from gpsim.reports.diagnosis_text import listed, noun
 from gpsim.reports.layout import Panels
 from gpsim.reports.quantities import percent, share_text
+from gpsim.traces import BASE, EFFECTS, Traces
 
 ROLLOUT, PARTS, MISSING_CURVE = "held_out_rollout", "decomposition", "curve_missing"
 NAMES: Mapping[str, str] = {BASE: "base", EFFECTS: "corrected"}

@@ -13,11 +13,11 @@ from pages import check_policy
 from rich_diagnoses import RICH, curve, friction, gain, named, partial, share, unknown, viscous
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
 from gpsim.diagnosis.report import Explained, NotAsked, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
+from gpsim.traces import BASE, EFFECTS, Trace, Traces
 
 pytestmark = pytest.mark.pictures
 
