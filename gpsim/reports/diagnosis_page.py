@@ -13,7 +13,7 @@ from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
-from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
+from gpsim.reports.account_figures import MOST, PARTS, ROLLOUT
 from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import not_asked_lines, ranking
@@ -33,9 +33,7 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
     )
 
 
-FRONT = (ROLLOUT, PARTS)
-FRONT_UNKNOWN = (ROLLOUT, MISSING_CURVE)
-"""Pictures beside the account: what is missing has a curve, where it has no names."""
+FRONT = (ROLLOUT, PARTS)  # pictures beside the account
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
 KINDS: Mapping[Kind, str] = {
@@ -96,7 +94,7 @@ def page(
 
 def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The names of the pictures beside the account."""
-    return FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
+    return (ROLLOUT,) if diagnosis.verdict == "unknown" else FRONT
 
 
 def _first_rows(rows: Sequence[Row]) -> int:
