@@ -75,11 +75,11 @@ def samples_of(recording: Recording, simulator: MjcfSimulator) -> Samples | None
         qpos = _positions(episode, recording, simulator)
         for first, last in pieces(ends, len(episode)):
             if last - first + 1 >= FEWEST_OF_A_SPLINE:
-                rows = slice(first, last + 1)
-                t.append(episode.t[rows])
+                part = slice(first, last + 1)
+                t.append(episode.t[part])
                 piece.append(np.full(last + 1 - first, len(splines)))
-                poses.append(episode.poses[rows])
-                splines.append(CubicSpline(episode.t[rows], qpos[rows]))
+                poses.append(episode.poses[part])
+                splines.append(CubicSpline(episode.t[part], qpos[part]))
     if not names or not splines:
         return None
     values = np.concatenate(poses)
@@ -235,7 +235,7 @@ def fitted(problem: Problem, active: IntArray, start: FloatArray, sigma: FloatAr
         if np.abs(step / usual).max() < SETTLED:
             break
     kept = np.isfinite(residual).any(axis=1) & ~(size > WILD).any(axis=1)
-    return Fit(theta, residual, kept, scale)
+    return Fit(theta, residual, np.asarray(kept), scale)
 
 
 def weighed(slopes: FloatArray, weights: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

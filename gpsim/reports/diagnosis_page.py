@@ -9,7 +9,7 @@ from itertools import accumulate
 from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
+from gpsim.diagnosis.report import HeldOutFit, Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
@@ -116,7 +116,7 @@ def _tint(row: Row, index: int) -> str:
 
 def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
     """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
-    left = None if errors.over_before is None else errors.over_before.of(kind)
+    left: Ratio | None = getattr(errors.over_before, kind, None)  # none of the base and of the noise floor
     if left is None or left.value is None:
         return ""
     text = in_percent(left.value)

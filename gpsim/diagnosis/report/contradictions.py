@@ -64,15 +64,15 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
         lacking = set(map(_claim, claims)) - set(map(_claim, rival["effects"]))
         if lacking:
             yield f"verdict named, and an alternative lacks {', '.join(f'{f} on {on}' for f, on in sorted(lacking))}"
-    share = (diagnosis.get("explained") or {}).get("rollout")
-    explained = None if not share else share["share"] if share["high"] is None else share["high"]
-    sure = bool(share) and share["high"] is not None and share["high"] < VerdictSettings().nearly_all
-    if sure and (diagnosis["remainder"]["structured"] or diagnosis["explained"].get("counts", True)):
+    explained = diagnosis.get("explained") or {}
+    share = explained.get("rollout") or {"share": 0.0, "high": None}
+    something = diagnosis["remainder"]["structured"] or explained.get("counts", True)
+    if something and share["high"] is not None and share["high"] < VerdictSettings().nearly_all:
         yield "verdict named, and much less than nine tenths are explained"
-    box = diagnosis["fit"].get("black_box")
-    takes = box["takes_off"] if box else {"share": 0.0}
-    least = takes["share"] if takes.get("low") is None else takes["low"]
-    if least > MUCH_MORE and (explained is None or explained < 1 - LITTLE):
+    most = share["share"] if share["high"] is None else share["high"]
+    taken = (diagnosis["fit"].get("black_box") or {"takes_off": {"share": 0.0}})["takes_off"]
+    least = taken["share"] if taken.get("low") is None else taken["low"]
+    if least > MUCH_MORE and most < 1 - LITTLE:
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 

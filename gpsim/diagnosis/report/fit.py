@@ -65,11 +65,6 @@ class OverBefore:
     after: Ratio
     after_gp: Ratio
 
-    def of(self, kind: Kind) -> Ratio | None:
-        """A model's by its name; None of the base and of the noise floor."""
-        found: Ratio | None = getattr(self, kind, None)
-        return found
-
 
 @dataclass(frozen=True, kw_only=True)
 class StepErrors(ModelErrors):
