@@ -33,7 +33,7 @@ def log_fact_text(fact: LogFact) -> str:
     """`3 samples of theta repeat the one before`, `theta is quantised to 0.001 rad`."""
     size = "" if fact.value is None else f"{fact.value:.3g} {unit(fact.unit)}".strip()
     if fact.kind in COUNTED:
-        samples = f"{fact.count} sample{'' if fact.count == 1 else 's'}" if fact.count else "samples"
+        samples = f"{fact.count} sample{'' if fact.count == 1 else 's'}"
         of = f"{samples} of {fact.channel}" if fact.channel else samples
         said = COUNTED[fact.kind][fact.count != 1].format(of=of)
         return f"{said} ({size})" if size else said
