@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from mjcf_arms import PLANAR, SIX, Capture, arm, seen
 
-from gpsim.diagnosis.kinematics import Calibration, calibrate
+from gpsim.kinematics import Calibration, calibrate
 from gpsim.mjcf import in_its_columns, open_simulator
 from gpsim.residuals import read_table
 

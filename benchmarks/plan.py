@@ -16,12 +16,11 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
-from gpsim.diagnosis.left_open import visited_of
 from gpsim.diagnosis.setup import Question, candidates, prepare
 from gpsim.errors import UsageError
+from gpsim.posterior import Explanation, LeftOpen, visited_of
 from gpsim.simulators import make_simulator
 from gpsim.stages.plan import planned
 from gpsim.trials.blinding import MINUTES, conceal_plan

@@ -3,11 +3,11 @@
 import numpy as np
 
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import Explanation, LeftOpen, Visited
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.run import Run
 from gpsim.effects import Place, Term, effect_of
 from gpsim.planning import Machine
+from gpsim.posterior import Explanation, LeftOpen, Visited
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 

@@ -14,12 +14,11 @@ from gpsim.diagnosis.report import (
     Alternative,
     Combination,
     Concentration,
-    Curve,
     Estimate,
     Explained,
     HeldOutFit,
     LogFact,
-    MissingLaw,
+    MeasuredCurve,
     NamedEffect,
     Odds,
     OverBefore,
@@ -105,24 +104,17 @@ def fit(after: bool = True) -> HeldOutFit:
     return HeldOutFit(("17", "18"), steps, Rollout(1.0, runs))
 
 
-def curve(missing: bool = False) -> Curve:
+def measured(name: str = "x", **changes: Any) -> NamedEffect:
+    """A force that no law follows, measured over the speed."""
     at = np.linspace(-2.0, 2.0, 41)
-    law = -8.7 * np.tanh(30 * at) - 1.2 * at
-    free = -8.7 * np.tanh(12 * at) - 0.4 * at - 0.3 * at**3
-    band = 0.4 + 0.1 * at**2
-    return Curve(
-        effects=() if missing else (("coulomb_friction", "x"), ("viscous_friction", "x")),
-        quantity="theta_acc" if missing else "force on x",
-        unit="rad/s^2" if missing else "N",
-        input="theta_dot" if missing else "x_dot",
-        input_unit="rad/s" if missing else "m/s",
-        at=tuple(at),
-        law=(0.0,) * len(at) if missing else tuple(law),
-        free=tuple(free),
-        low=tuple(free - band),
-        high=tuple(free + band),
-        given={} if missing else {"theta": 0.1},
-        gain=Share(0.04, 0.02, 0.06),
+    force, band = -8.7 * np.tanh(12 * at) - 0.4 * at - 0.3 * at**3, 0.4 + 0.1 * at**2
+    curve = {
+        "quantity": f"force on {name}", "unit": "N", "input": f"{name}_dot", "input_unit": "m/s", "at": tuple(at),
+        "values": tuple(force), "low": tuple(force - band), "high": tuple(force + band), "visited": (-2.0, 2.0),
+        "freedom": 8.0,
+    }  # fmt: skip
+    return friction(
+        family="force_curve", on=name, curve=MeasuredCurve(**curve | changes), importance=share(0.01)
     )
 
 
@@ -144,7 +136,6 @@ def named() -> Diagnosis:
             one_step={"x_acc": share(0.99, 0.005), "theta_acc": share(0.31)},
         ),
         remainder=made_remainder(p_value=0.4, share=0.028, rate="theta_acc"),
-        curves=(replace(curve(), gain=Share(0.001, -0.002, 0.004)),),
         combinations=(
             Combination(
                 of=("parameter_offset on cart_mass: ratio", "actuator_gain on force: gain"), fixed="", open="",
@@ -180,9 +171,8 @@ def partial() -> Diagnosis:
         explained=Explained(rollout=Share(0.931, 0.88, 0.96), one_step={"x_acc": share(0.9), "theta_acc": share(0.28)}),
         remainder=made_remainder(
             structured=True, p_value=8.7e-154, share=0.069, rate="theta_acc", depends_on=("theta_dot",),
-            gp=RemainderGp(True, "effects", None), lack_of_fit=MissingLaw(rate="theta_acc", on=("theta_dot",), nats=3386.0, p_value=1e-90),
+            gp=RemainderGp(True, "effects", None),
         ),
-        curves=(curve(),),
         facts=(LogFact("jitter", "", 0, 0.4, "ms"),),
     )  # fmt: skip
 
@@ -195,7 +185,6 @@ def unknown() -> Diagnosis:
         remainder=made_remainder(
             structured=True, p_value=1e-40, share=0.98, rate="theta_acc", depends_on=("theta_dot", "force"),
             gp=RemainderGp(True, "base", None),
-            lack_of_fit=MissingLaw(rate="theta_acc", on=("theta_dot",), nats=3386.0, p_value=1e-90, curve=curve(True)),
         ),
     )  # fmt: skip
 

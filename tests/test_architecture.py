@@ -25,6 +25,7 @@ LEVELS = [
     {"trials.outside"},
     {"trials.catalogue"},
     {"trials.worlds"},
+    {"kinematics", "posterior", "traces"},
     {"diagnosis"},
     {"diagnosis.assessment"},
     {"diagnosis.ladder"},

@@ -21,7 +21,6 @@ from gpsim.diagnosis.judging import (
     verdict_of,
 )
 from gpsim.diagnosis.ladder import Climbed, climb
-from gpsim.diagnosis.left_open import LeftOpen, left_open_of
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.setup import Question, offers_of, prepare
@@ -46,11 +45,6 @@ class Outcome:
     comparison: Comparison
     question: Question
     decisions: tuple[Decision, ...]
-
-    @property
-    def left_open(self) -> LeftOpen:
-        """What it leaves open, in numbers."""
-        return left_open_of(self.question, self.judgement, self.diagnosis)
 
     def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
         """How the effects do on another recording; nothing is fitted (see `gpsim.diagnosis.score`)."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsim.diagnosis import Diagnosis as Result
-from gpsim.diagnosis import LeftOpen, score
+from gpsim.diagnosis import score
 from gpsim.diagnosis.report import NamedEffect, Score, Verdict
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
@@ -18,6 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.opening import Recordings, opened, taken_of
 from gpsim.face.simulators import load_simulator
+from gpsim.posterior import LeftOpen
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Protocol
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features
-from gpsim.diagnosis import Diagnosis, LeftOpen, Outcome
+from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.settings import as_mapping
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical, disk_errors, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import files_digest, open_simulator
+from gpsim.posterior import LeftOpen, posterior_of
 from gpsim.recordings import Recording
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
@@ -107,7 +108,7 @@ class Made:
     @property
     def left_open(self) -> LeftOpen:
         """Of what was found."""
-        return self.outcome.left_open
+        return posterior_of(self.outcome)
 
     def corrected(self, gp: bool) -> EffectsPlant:
         """As it is written down and read again."""

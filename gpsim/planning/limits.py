@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray
-from gpsim.diagnosis import Visited
 from gpsim.errors import UsageError
+from gpsim.posterior import Visited
 from gpsim.simulators import Simulator
 
 STATED = ("commands", "rates", "box", "rest", "rest_commands")

@@ -10,12 +10,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import Explanation
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, has_sensors, simulate, without_sensors
 from gpsim.diagnosis.run import Run
 from gpsim.effects import PRE_ROLL, Chain
 from gpsim.planning.around import Around
+from gpsim.posterior import Explanation
 from gpsim.simulators import Simulator
 
 AFTERWARDS = 2**31  # number of an episode that comes after all others

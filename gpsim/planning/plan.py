@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import betaincinv
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.errors import UsageError
 from gpsim.planning.fixed import fixed_rates
 from gpsim.planning.information import separations, unvisited
@@ -19,6 +18,7 @@ from gpsim.planning.search import FEWEST, Candidate, Search, Situation, Tried
 from gpsim.planning.sensors import sensors_for
 from gpsim.planning.settings import PlanSettings
 from gpsim.planning.signals import FIXED
+from gpsim.posterior import Explanation, LeftOpen
 
 Note = Callable[[int, int, str], None]
 LIKELY = 0.9  # of the stated chance that a draw leaves the box

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gpsim.diagnosis import Explanation
 from gpsim.effects import Term
+from gpsim.posterior import Explanation
 
 SAME = 1e-3  # relative difference of two values that is none
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Form, MeasuredCurve, NamedEffect, NearestLaw
+from gpsim.diagnosis.report import Form, MeasuredCurve, NamedEffect
 from gpsim.reports.diagnosis_text import gate_text, listed, noun
 from gpsim.reports.quantities import certainty_text, is_open, percent, shortened, size_text, spelled
 from gpsim.reports.sheets import MISSING
@@ -203,20 +203,17 @@ def _weight(effect: NamedEffect) -> float:
     return share if math.isfinite(share) else -math.inf
 
 
-NAMES = 3  # nearest laws that are told
 TRIFLE = 0.005  # of the mismatch: a slight curve that is less of it is named among the small corrections only
 LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none
 
 
 def curve_sentence(effect: NamedEffect) -> str:
-    """No law of the catalogue; what the curve does, and what is nearest to it."""
+    """No law of the catalogue, and what the curve does."""
     curve = effect.curve
     assert curve is not None
     where = "" if effect.recordings is None else f" in {', '.join(effect.recordings)}"
-    inputs = [curve.input] if curve.second is None else [curve.second, curve.input]
-    over = " and ".join(shortened(name) for name in inputs)
-    head = f"no catalogue law for {shortened(curve.quantity)} over {over}"
-    return "; ".join([head, *nearest_said(curve), course(curve), *_found(curve)]) + where
+    head = f"no catalogue law for {shortened(curve.quantity)} over {shortened(curve.input)}"
+    return f"{head}; {course(curve)}{where}"
 
 
 def curve_rows(effects: tuple[NamedEffect, ...]) -> Iterator[str]:
@@ -230,9 +227,9 @@ def curve_rows(effects: tuple[NamedEffect, ...]) -> Iterator[str]:
 
 
 def course(curve: MeasuredCurve) -> str:
-    """`it goes from 2.2 N at q_dot = -0.64 m/s over 3.1 at -0.36 to -2.9 at 0.5`; of a map its extent."""
+    """`it goes from 2.2 N at q_dot = -0.64 m/s over 3.1 at -0.36 to -2.9 at 0.5`."""
     of = shortened(curve.input)
-    if curve.second is not None:
+    if len(curve.values) != len(curve.at):  # a map, in files of earlier versions
         return f"it lies between {min(curve.values):.3g} and {max(curve.values):.3g} {curve.unit}"
     turns = _turns(curve)
     first, *between, last = [(curve.at[i], curve.values[i]) for i in turns]
@@ -246,30 +243,6 @@ def beyond(curve: MeasuredCurve) -> str:
     low, high = curve.visited
     reach = f"[{low:.3g}, {high:.3g}] {curve.input_unit}"
     return f"record {shortened(curve.input)} beyond {reach}, if you need it there: the curve is held, which is a guess"
-
-
-def nearest_said(curve: MeasuredCurve) -> list[str]:
-    """`nearest: viscous friction (misses 6 %, most for q_dot in [-0.64, -0.54]), Coulomb friction (32 %)`."""
-    if not curve.nearest:
-        return []
-    first, *others = curve.nearest[:NAMES]
-    most = ""
-    if first.differs is not None:
-        low, high = first.differs
-        most = f", most of it for {shortened(curve.input)} in [{low:.3g}, {high:.3g}]"
-    told = [f"{law_name(first)} (misses {percent(first.misses)} %{most})"]
-    return ["nearest: " + ", ".join([*told, *(f"{law_name(n)} ({percent(n.misses)} %)" for n in others)])]
-
-
-def law_name(law: NearestLaw) -> str:
-    """`Coulomb friction + viscous friction`."""
-    return " + ".join(noun(family) for family, _ in law.effects)
-
-
-def _found(curve: MeasuredCurve) -> list[str]:
-    if curve.found is None:
-        return []
-    return [f"form found, not known: {curve.found.formula}, x = {shortened(curve.input)}"]
 
 
 def _turns(curve: MeasuredCurve) -> list[int]:

@@ -12,11 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Traces
-from gpsim.diagnosis.report import Curve, MeasuredCurve, NamedEffect
-from gpsim.reports.account_effects import claim_name, effect_name, law_name, nearest_said, told_effects
+from gpsim.diagnosis.report import MeasuredCurve, NamedEffect
+from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_sentences import left_share
 from gpsim.reports.canvas import (
     FAINT,
@@ -34,11 +33,12 @@ from gpsim.reports.canvas import (
     style,
 )
 from gpsim.reports.diagnosis_figures import COLOURS, Picture, draw_trace
-from gpsim.reports.diagnosis_text import listed, noun
+from gpsim.reports.diagnosis_text import noun
 from gpsim.reports.layout import Panels
-from gpsim.reports.quantities import percent, share_text
+from gpsim.reports.quantities import percent
+from gpsim.traces import BASE, EFFECTS, Traces
 
-ROLLOUT, PARTS, MISSING_CURVE = "held_out_rollout", "decomposition", "curve_missing"
+ROLLOUT, PARTS = "held_out_rollout", "decomposition"
 NAMES: Mapping[str, str] = {BASE: "base", EFFECTS: "corrected"}
 WIDE = 5.4  # inches of a picture of the first screen
 SHARP = 150.0  # dots an inch: it is shown smaller than it is drawn
@@ -74,18 +74,11 @@ def account_figures(
         if parts(diagnosis):
             with contained(PARTS):
                 drawn[PARTS] = _decomposition(diagnosis)
-        for i, curve in enumerate(diagnosis.curves, start=1):
-            name = f"curve_{i}"
-            with contained(name):
-                drawn[name] = _curve(curve)
-        for i, effect in enumerate([e for e in diagnosis.effects if e.curve is not None], start=1):
+        curved = [e for e in diagnosis.effects if e.curve and len(e.curve.values) == len(e.curve.at)]
+        for i, effect in enumerate(curved, start=1):  # earlier versions had maps of two inputs, too
             name = f"measured_{i}"
             with contained(name):
                 drawn[name] = measured_picture(effect)
-        law = diagnosis.remainder.lack_of_fit
-        if law is not None and law.curve is not None:
-            with contained(MISSING_CURVE):
-                drawn[MISSING_CURVE] = _curve(law.curve)
     return drawn
 
 
@@ -167,104 +160,36 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     )
 
 
-def _curve(curve: Curve) -> Picture:
-    """The free curve with its band, and the laws that it stands in for."""
-    at = np.asarray(curve.at)
-    figure, axes = panels(1, 1, (WIDE, 3.0), Panels())
-    axis: Axes = axes[0, 0]
-    _band(axis, curve)
-    free = "free curve" if curve.effects else "what is missing"
-    axis.plot(at, curve.free, color=COLOURS[EFFECTS], label=free)
-    if curve.effects and len(curve.law) == len(at):
-        axis.plot(at, curve.law, color=INK, linestyle=(0, (4, 1.5)), label="named law")
-    axis.set_xlabel(named(curve.input, curve.input_unit))
-    axis.set_ylabel(named(curve.quantity, curve.unit, LABEL))
-    legend_above(figure, axis)
-    names = [claim_name(family, place) for family, place in curve.effects]
-    return Picture(
-        f"Does the law hold? {listed(names)}" if names else "What is missing",
-        _curve_caption(curve),
-        png(figure),
-        (curve.input, curve.quantity),
-    )
-
-
-def _band(axis: Axes, curve: Curve | MeasuredCurve) -> None:
-    """Its 90 % band, where there is one."""
-    if len(curve.low) == len(curve.high) == len(curve.at):
-        band: dict[str, Any] = {"color": COLOURS[EFFECTS], "alpha": 0.18, "linewidth": 0}
-        axis.fill_between(np.asarray(curve.at), curve.low, curve.high, label="90 %", **band)
-
-
-def _curve_caption(curve: Curve) -> str:
-    held = ", ".join(f"{name} = {value:.3g}" for name, value in curve.given.items())
-    over = f"{curve.quantity} over {curve.input}{f', at {held}' if held else ''}"
-    if not curve.effects:
-        return f"{over}: a free curve of what no named effect explains, and its 90 % band."
-    text = f"{over}: the named law, and a free curve in its place with its 90 % band."
-    return text + (f" The curve explains {share_text(curve.gain)} more." if curve.gain else "")
-
-
-LAWS = 2  # nearest laws that are drawn
-DASHES = ((0, (4, 1.5)), (0, (1, 1.5)))
 BEYOND = 0.08  # of what was visited, that is drawn on either side of it
-SLICES = 3  # of a map
 
 
 def measured_picture(effect: NamedEffect) -> Picture:
-    """The curve over its input, of a map some slices."""
+    """The curve over its input."""
     curve = effect.curve
     assert curve is not None
     figure, axes = panels(1, 1, (WIDE, 3.0), Panels())
     axis: Axes = axes[0, 0]
-    if curve.second_at is None:
-        _draw_measured(axis, curve)
-    else:
-        _draw_map(axis, curve, np.asarray(curve.second_at))
+    _draw_measured(axis, curve)
     axis.set_xlabel(named(curve.input, curve.input_unit))
     axis.set_ylabel(named(curve.quantity, curve.unit, LABEL))
     legend_above(figure, axis)
     return Picture(
         f"No law of the catalogue: {effect_name(effect)}",
-        _caption(curve),
+        f"{curve.quantity} over {curve.input}: measured, with its 90 % band; {curve.freedom:.0f} effective "
+        "parameters. Grey: never visited, where what it adds is held: extrapolation.",
         png(figure),
         (curve.input, curve.quantity),
     )
 
 
 def _draw_measured(axis: Axes, curve: MeasuredCurve) -> None:
-    at, values = np.asarray(curve.at), np.asarray(curve.values)
-    _band(axis, curve)
-    axis.plot(at, values, color=COLOURS[EFFECTS], marker=".", markersize=3, label="measured")
-    for law, dashes in zip(curve.nearest[:LAWS], DASHES, strict=False):
-        if len(law.values) == len(at):
-            axis.plot(at, law.values, color=INK, linestyle=dashes, linewidth=1.0, label=law_name(law))
+    at = np.asarray(curve.at)
+    if len(curve.low) == len(curve.high) == len(at):
+        band: dict[str, Any] = {"color": COLOURS[EFFECTS], "alpha": 0.18, "linewidth": 0}
+        axis.fill_between(at, curve.low, curve.high, label="90 %", **band)
+    axis.plot(at, curve.values, color=COLOURS[EFFECTS], marker=".", markersize=3, label="measured")
     low, high = curve.visited
     wide = BEYOND * (high - low)
     for begin, end in ((low - wide, low), (high, high + wide)):
         axis.axvspan(begin, end, color=GRID, alpha=0.6, linewidth=0)
     axis.set_xlim(low - wide, high + wide)
-
-
-def _draw_map(axis: Axes, curve: MeasuredCurve, second: FloatArray) -> None:
-    values = np.asarray(curve.values).reshape(len(second), len(curve.at))
-    picks = np.unique(np.linspace(0, len(second) - 1, SLICES).round().astype(int))
-    for place, alpha in zip(picks, np.linspace(0.35, 1.0, len(picks)), strict=True):
-        label = f"{curve.second} = {second[place]:.2g} {curve.second_unit}"
-        axis.plot(curve.at, values[place], color=COLOURS[EFFECTS], alpha=float(alpha), label=label)
-    axis.plot(curve.at, curve.at, color=FAINT, linewidth=0.8, label="base")
-
-
-def _caption(curve: MeasuredCurve) -> str:
-    of = curve.input if curve.second is None else f"{curve.second} and {curve.input}"
-    said = (
-        f"{curve.quantity} over {of}: measured, with its 90 % band; {curve.freedom:.0f} effective parameters."
-    )
-    if curve.second is not None:
-        said = f"{curve.quantity} over {of}: slices of the measured map; {curve.freedom:.0f} effective parameters."
-    beyond = (
-        " Grey: never visited, where what it adds is held: extrapolation." if curve.second is None else ""
-    )
-    found = f" Form found, not known: {curve.found.formula}." if curve.found else ""
-    near = "".join(f" {text[0].upper()}{text[1:]}." for text in nearest_said(curve))
-    return said + beyond + near + found

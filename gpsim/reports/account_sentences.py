@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, MissingLaw, NamedEffect, sized
+from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, NamedEffect, sized
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import beyond, claim_name, effect_name, told_effects
@@ -104,7 +104,6 @@ def _unknown(diagnosis: Diagnosis) -> str:
     return f"something is missing; the best explanation covers {said} of it, too little to name it."
 
 
-SIGNIFICANT = 1e-6  # p-value below which chance has not made a missing law, in files of earlier versions
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
 MOST_FACTS = 3  # of the log, and of parameters that only act together: further ones are in diagnosis.json
 
@@ -146,17 +145,6 @@ def _foreseen(diagnosis: Diagnosis, box: BlackBox) -> str:
     return f"{text}; it uses {inputs}" if inputs else text
 
 
-def hangs_on(diagnosis: Diagnosis) -> list[str]:
-    """Inputs on which what is left depends: those of a missing law, where chance has not made it, else any."""
-    law = diagnosis.remainder.lack_of_fit
-    return list(law.on) if law is not None and is_missing(law) else list(diagnosis.remainder.depends_on)
-
-
-def is_missing(law: MissingLaw) -> bool:
-    """Whether chance has not made a missing law."""
-    return law.p_value < SIGNIFICANT
-
-
 def left_share(diagnosis: Diagnosis) -> float | None:
     """Of the mismatch what is left; None of an earlier version."""
     found = diagnosis.explained.rollout
@@ -172,16 +160,10 @@ def _amount(diagnosis: Diagnosis) -> str:
     if not remainder.structured:
         return "nothing but noise" if share is None else f"{amount}, no more than noise would leave"
     text = "something that is not noise" if share is None else f"{amount} is unexplained"
-    law = remainder.lack_of_fit
-    rate = remainder.rate or (law.rate if law is not None and is_missing(law) else None)
-    if rate:
-        text += f"{', most of it' if share is not None else ''} in {spelled(rate)}"
-    inputs = hangs_on(diagnosis)
-    if inputs:
-        text += f"; it changes with {listed([spelled(name) for name in inputs])}"
-    if law is not None and is_missing(law) and law.memory:
-        whose = "its" if len(inputs) == 1 else "their"
-        text += f", also with {whose} history over the last {law.memory:.2g} s"
+    if remainder.rate:
+        text += f"{', most of it' if share is not None else ''} in {spelled(remainder.rate)}"
+    if remainder.depends_on:
+        text += f"; it changes with {listed([spelled(name) for name in remainder.depends_on])}"
     return text
 
 
@@ -236,12 +218,9 @@ def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> 
 
 def _where_it_moves(diagnosis: Diagnosis) -> str:
     """A recording that shows more of what is left: where what it depends on moves."""
-    law, inputs = diagnosis.remainder.lack_of_fit, hangs_on(diagnosis)
-    names = listed(list(map(spelled, inputs)))
-    if law is not None and is_missing(law) and law.memory:
-        pause = f"{2 * law.memory:.2g} s"
-        return f"record steps of {names} with pauses longer than {pause} between them: what is missing has memory"
+    inputs = diagnosis.remainder.depends_on
     if inputs:
+        names = listed(list(map(spelled, inputs)))
         its, it = ("its", "it") if len(inputs) == 1 else ("their", "them")
         return (
             f"record {names} over {its} whole range, in one slow sweep and one fast sweep: what is missing changes "

@@ -12,10 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from gpsim.diagnosis import Outcome
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
+from gpsim.diagnosis.assessment import most_telling
 from gpsim.reports.canvas import FAINT, LABEL, LONGEST_UNIT, beside, legend_above, named, panels, png, style
 from gpsim.reports.layout import Panels
 from gpsim.reports.quantities import in_percent, number, shortened
+from gpsim.traces import BASE, EFFECTS, Course, Trace, Traces
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
 LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}

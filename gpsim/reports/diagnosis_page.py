@@ -9,11 +9,11 @@ from itertools import accumulate
 from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
+from gpsim.diagnosis.report import HeldOutFit, Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
-from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
+from gpsim.reports.account_figures import MOST, PARTS, ROLLOUT
 from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import not_asked_lines, ranking
@@ -33,9 +33,7 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
     )
 
 
-FRONT = (ROLLOUT, PARTS)
-FRONT_UNKNOWN = (ROLLOUT, MISSING_CURVE)
-"""Pictures beside the account: what is missing has a curve, where it has no names."""
+FRONT = (ROLLOUT, PARTS)  # pictures beside the account
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
 KINDS: Mapping[Kind, str] = {
@@ -96,7 +94,7 @@ def page(
 
 def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The names of the pictures beside the account."""
-    return FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
+    return (ROLLOUT,) if diagnosis.verdict == "unknown" else FRONT
 
 
 def _first_rows(rows: Sequence[Row]) -> int:
@@ -118,7 +116,7 @@ def _tint(row: Row, index: int) -> str:
 
 def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
     """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
-    left = None if errors.over_before is None else errors.over_before.of(kind)
+    left: Ratio | None = getattr(errors.over_before, kind, None)  # none of the base and of the noise floor
     if left is None or left.value is None:
         return ""
     text = in_percent(left.value)

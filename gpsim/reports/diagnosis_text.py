@@ -22,11 +22,9 @@ COUNTED: Mapping[str, tuple[str, str]] = {
     ),
 }
 MEASURED: Mapping[str, str] = {
-    "pushed": "something from outside acted{first} (a push, a bump) and was left out",
-    "quantised": "{channel} is quantised{to}",
-    "jitter": "{clock} jitters{by}",
-    "late": "{channel} arrives late{by}",
-    "drift": "{clock} drifts{by}",
+    "pushed": "something from outside acted from {size} on (a push, a bump) and was left out",
+    "quantised": "{channel} is quantised to {size}",
+    "jitter": "the clock jitters by {size}",
 }
 WHOLE = "parameter_offset"  # a parameter of the simulator itself: its place is its name
 
@@ -35,17 +33,11 @@ def log_fact_text(fact: LogFact) -> str:
     """`3 samples of theta repeat the one before`, `theta is quantised to 0.001 rad`."""
     size = "" if fact.value is None else f"{fact.value:.3g} {unit(fact.unit)}".strip()
     if fact.kind in COUNTED:
-        samples = f"{fact.count} sample{'' if fact.count == 1 else 's'}" if fact.count else "samples"
+        samples = f"{fact.count} sample{'' if fact.count == 1 else 's'}"
         of = f"{samples} of {fact.channel}" if fact.channel else samples
         said = COUNTED[fact.kind][fact.count != 1].format(of=of)
         return f"{said} ({size})" if size else said
-    said = MEASURED[fact.kind].format(
-        channel=fact.channel or "everything",
-        clock=f"the clock of {fact.channel}" if fact.channel else "the clock",
-        to=f" to {size}" if size else "",
-        by=f" by {size}" if size else "",
-        first=f" from {size} on" if size else "",
-    )
+    said = MEASURED[fact.kind].format(channel=fact.channel, size=size)
     return f"{said}, at {fact.count} samples" if fact.count else said
 
 
@@ -53,10 +45,6 @@ def fixed_text(combination: Combination) -> str:
     """What the data fix: the product of powers, and its value; that it is one combination where nobody knows which."""
     powers = combination.exponents
     names = [_parameter(name) for name in combination.of]
-    if combination.weights:
-        full = [_parameter(name, whole=None) for name in combination.of]
-        parts = zip(full, combination.weights, combination.neutral, strict=True)
-        return f"{' + '.join(_weighted(*part) for part in parts)}{_size(combination)}"
     if len(powers) != len(combination.of) or not any(powers):
         return "one combination of them"
     above = [_power(n, p) for n, p in zip(names, powers, strict=True) if p > 0]
@@ -74,17 +62,9 @@ def _size(combination: Combination) -> str:
     return f" = {size}{of}"
 
 
-def _weighted(name: str, weight: float, neutral: float) -> str:
-    """`0.95 · (cart.mass ratio - 1)`: how far a parameter is from doing nothing, times its weight."""
-    off = f"({name} - {neutral:g})" if neutral else name
-    return off if weight == 1.0 else f"{weight:.3g} · {off}"
-
-
 def open_text(combination: Combination) -> str:
     """The direction that the data leave open."""
     powers = combination.exponents
-    if combination.weights:
-        return "one may stand in the other's place"
     if len(powers) != len(combination.of) or len(powers) != 2:
         return "all of them may change as long as it stays"
     return "both may be scaled alike" if _is_ratio(combination) else "one may grow as the other shrinks"
@@ -116,16 +96,13 @@ def parameters_of(combination: Combination) -> str:
     return listed([_parameter(name) for name in combination.of], None, "or")
 
 
-def _parameter(name: str, whole: str | None = WHOLE) -> str:
-    """`force gain` of `actuator_gain on force: gain`; a name of another form stays as it is.
-
-    whole: the family whose place says all.
-    """
+def _parameter(name: str) -> str:
+    """`force gain` of `actuator_gain on force: gain`; a name of another form stays as it is."""
     claim, between, parameter = name.rpartition(": ")
     family, on, place = claim.partition(" on ")
     if not (between and on):
         return name
-    return place if family == whole else f"{place} {parameter.replace('_', ' ')}"
+    return place if family == WHOLE else f"{place} {parameter.replace('_', ' ')}"
 
 
 def _power(name: str, power: float) -> str:

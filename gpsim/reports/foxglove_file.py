@@ -17,9 +17,9 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from gpsim.channels import Channels, FloatArray, IntArray
-from gpsim.diagnosis.assessment import Along, Alongside
 from gpsim.recordings import Recording, start_times
 from gpsim.reports.foxglove_scene import Body, scene, transform
+from gpsim.traces import Along, Alongside
 
 REAL = "real"
 NUMBER, TEXT, FLAG = "number", "string", "boolean"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import MissingLaw, Score, Scored, Share
+from gpsim.diagnosis.report import Score, Scored, Share
 from gpsim.diagnosis.run import Decision
 from gpsim.reports.account_effects import effect_name
 from gpsim.reports.diagnosis_text import terms_text
@@ -117,8 +117,6 @@ def _said(diagnosis: Diagnosis) -> Iterator[str]:
     if found.one_step:
         yield f"Explained one step ahead, which decides nothing: {_shares(found.one_step)}."
     yield f"What is left: p = {number(remainder.p_value, 2)} that noise alone looks like it."
-    if remainder.lack_of_fit is not None:
-        yield _missing_law(remainder.lack_of_fit)
     if remainder.gp is not None and not remainder.gp.used and diagnosis.verdict != "none":
         yield f"No Gaussian process on what is left: {remainder.gp.why_not}."
     for name, errors in diagnosis.fit.one_step.items():
@@ -130,12 +128,6 @@ def _said(diagnosis: Diagnosis) -> Iterator[str]:
         ratios = ", ".join(f"{name} {ratio:.4g} times" for name, ratio in diagnosis.tuned.items())
         yield f"Tuning the simulator's own parameters alone: {ratios}."
     yield f"Integration of the explanation: {diagnosis.integration}."
-
-
-def _missing_law(law: MissingLaw) -> str:
-    on = " and ".join(law.on) + (f" and its average over {law.memory:.2g} s" if law.memory else "")
-    chance = number(law.p_value, 2)
-    return f"A smooth law of {law.rate} in {on} would gain {law.nats:.0f} nats (p = {chance} by chance)."
 
 
 def _shares(shares: Mapping[str, Share]) -> str:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import OLDER, Diagnosis, LeftOpen, from_two_files, left_open_from
+from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.effects import again, bring, installed, origins, read_effects
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, read_object
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
+from gpsim.posterior import OLDER, LeftOpen, from_two_files, left_open_from
 from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gpsim.artifacts import Mishaps
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
-from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
-from gpsim.diagnosis.assessment import Course, Traces, course, traces
+from gpsim.diagnosis import Diagnosis, Outcome, diagnose
 from gpsim.diagnosis.report import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.settings import Known, Settings
@@ -21,6 +20,7 @@ from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
 from gpsim.mjcf import Correction, MjcfSimulator, Moved, Place, planned
+from gpsim.posterior import left_open_data, posterior_of
 from gpsim.recordings import Recording, without_poses
 from gpsim.reports.account_effects import claim_name
 from gpsim.reports.geometry_text import place_name
@@ -29,6 +29,7 @@ from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Progress, blamed, generator, silent
+from gpsim.traces import Course, Traces, course, traces
 
 if TYPE_CHECKING:
     from gpsim.gp import Predictor
@@ -106,7 +107,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
     with mishaps.contained(
         f"{POSTERIOR} is left out: nothing can be planned, watched or drawn with this diagnosis"
     ):
-        write_json(folder / POSTERIOR, left_open_data(found.left_open))
+        write_json(folder / POSTERIOR, left_open_data(posterior_of(found)))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
         _write_process(folder, found)
@@ -209,7 +210,7 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
     with blamed(simulator.name):
         seen = None
         if isinstance(simulator, MjcfSimulator) and len(recording.poses):
-            from gpsim.diagnosis.kinematics import calibrate  # SciPy's splines: few recordings need them
+            from gpsim.kinematics import calibrate  # SciPy's splines: few recordings need them
 
             question.progress(0, 100, "where the motion capture saw its sites")
             seen = calibrate(recording, simulator)

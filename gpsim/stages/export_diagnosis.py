@@ -11,7 +11,6 @@ import numpy as np
 
 from gpsim.artifacts import Artifact, read_artifact, read_timings
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.assessment import Alongside, alongside
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.errors import UsageError
@@ -22,6 +21,7 @@ from gpsim.reports.foxglove_scene import body_of
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
 from gpsim.stages.stage import blamed, new_place
+from gpsim.traces import Alongside, alongside
 
 FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 """What the extra `foxglove` brings."""

@@ -14,11 +14,11 @@ import yaml
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.diagnosis.run import Run
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain
 from gpsim.planning import STATED, Around, Limits, Machine, Plan, PlanSettings, Steer, limits_of, make_plan
+from gpsim.posterior import Explanation, LeftOpen
 from gpsim.recordings import Episode, read_yaml, write_recording
 from gpsim.settings import build
 from gpsim.simulators import Plant, Simulator

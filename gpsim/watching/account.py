@@ -10,11 +10,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import LeftOpen
 from gpsim.diagnosis.assessment import covariance, posed
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings
+from gpsim.posterior import LeftOpen
 from gpsim.recordings import Recording
 
 STEPS = 8  # of a refit from the account's values, which are near

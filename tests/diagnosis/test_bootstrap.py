@@ -17,7 +17,7 @@ def test_every_model_has_an_interval_that_covers():
     inside = 0
     for seed in range(200):
         found = ratios(400, seed=seed)
-        assert all(found.of(kind).low < found.of(kind).high for kind in ("tuned", "gp", "after", "after_gp"))
+        assert all(one.low < one.high for one in (found.tuned, found.gp, found.after, found.after_gp))
         inside += found.gp.low <= 0.5 <= found.gp.high
     assert 165 <= inside <= 195  # 90 % of 200, with the binomial's own spread
 

@@ -5,7 +5,7 @@ import pytest
 from mjcf_arms import PLANAR, Capture, arm, seen
 from mjcf_models import written
 
-from gpsim.diagnosis.kinematics import calibrate
+from gpsim.kinematics import calibrate
 from gpsim.mjcf import in_its_columns, open_simulator
 from gpsim.reports.geometry_text import found_text, geometry_lines, inseparable_text
 from gpsim.residuals import read_table

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from made_posteriors import LAG_OR_DELAY, made_plant, made_posterior
 
-from gpsim.diagnosis import from_two_files, left_open_data, left_open_from
 from gpsim.effects import to_json
 from gpsim.errors import UsageError
+from gpsim.posterior import from_two_files, left_open_data, left_open_from
 
 
 def written(posterior):

@@ -9,7 +9,6 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.corrected.effects_plant import EffectsPlant
 from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _said, _windows
-from gpsim.diagnosis.assessment.traces import course, traces
 from gpsim.diagnosis.data.clock import rebased
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.data.windows import cut, held_out_mask
@@ -27,6 +26,7 @@ from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import figures
 from gpsim.reports.diagnosis_page import page
 from gpsim.simulators import make_simulator
+from gpsim.traces import course, traces
 
 from .own_systems import SLIDER
 from .truths import mechanical

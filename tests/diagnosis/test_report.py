@@ -5,7 +5,7 @@ import math
 import types
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
@@ -30,6 +30,7 @@ SCALARS = {
     str: WORDS,
     bool: st.booleans(),
     types.NoneType: st.none(),
+    Any: st.none() | st.booleans() | WORDS,
 }
 
 
@@ -166,6 +167,28 @@ def test_the_first_version_is_read():
     found = Diagnosis.from_dict(content)
     assert (found.explained.rollout, found.log_facts, found.remainder.share) == (None, (), None)
     assert (found.effects[0].role, found.effects[0].form) == ("headline", "untested")
+
+
+def test_what_earlier_versions_found_beside_is_read_and_written_again():
+    content = json.loads(json.dumps(made_diagnosis(effects=(made_effect(),)).to_dict()))
+    assert content["remainder"]["lack_of_fit"] is None
+    law = {"rate": "q_acc", "on": ["q"], "memory": None, "nats": 9.0, "p_value": 1e-9, "curve": None}
+    free = {"effects": [["spring", "q"]], "quantity": "force on q", "at": [0.0, 1.0], "given": {"u": 0.1}}
+    curve = {
+        "quantity": "force on q", "unit": "N", "input": "q", "input_unit": "m", "at": [0.0, 1.0], "low": [], "high": [],
+        "values": [0.0, 1.0, 2.0, 3.0], "visited": [0.0, 1.0], "freedom": 2.0,
+        "nearest": [{"effects": [["spring", "q"]], "parameters": {"spring.stiffness": 1.0}, "misses": 0.1}],
+    }  # fmt: skip
+    content["remainder"]["lack_of_fit"], content["curves"], content["effects"][0]["curve"] = (
+        law,
+        [free],
+        curve,
+    )
+    assert VALID.is_valid(content)
+    assert json.loads(json.dumps(Diagnosis.from_dict(content).to_dict())) == content
+    later = {"second": "v", "second_unit": "m/s", "second_at": [0.0, 1.0], "found": {"form": "sine"}}
+    content["effects"][0]["curve"] |= later
+    assert Diagnosis.from_dict(content).effects[0].curve.values == (0.0, 1.0, 2.0, 3.0)
 
 
 def test_several_places_of_one_effect_are_read():

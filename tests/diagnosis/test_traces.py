@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course, traces
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.recordings import HeldOut
 from gpsim.simulators import make_simulator
+from gpsim.traces import BASE, EFFECTS, course, traces
 
 from .truths import channel_filter, delayed
 from .worlds import World, record

@@ -12,11 +12,11 @@ from made_posteriors import made_explanation, made_posterior
 
 from gpsim.artifacts import Recipe, Store
 from gpsim.corrected import EffectsPlant, describe
-from gpsim.diagnosis import left_open_data
 from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.evaluation import worst_tenth
 from gpsim.files import write_json
+from gpsim.posterior import left_open_data
 from gpsim.simulators import make_simulator
 from gpsim.stages import certify, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis

@@ -7,11 +7,11 @@ import pytest
 from made_posteriors import LAG_OR_DELAY, made_explanation, made_machine, made_posterior
 
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import LeftOpen, Visited
 from gpsim.diagnosis.run import Run
 from gpsim.errors import UsageError
 from gpsim.planning import Around, Machine, PlanSettings, limits_of, make_plan
 from gpsim.planning.models import model_of
+from gpsim.posterior import LeftOpen, Visited
 from gpsim.simulators import make_simulator
 
 CARTPOLE, DT = make_simulator("cartpole"), 0.02

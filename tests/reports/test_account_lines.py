@@ -18,7 +18,6 @@ from gpsim.diagnosis.report import (
     Estimate,
     Explained,
     HeldOutFit,
-    MissingLaw,
     Odds,
     RemainderGp,
     Rollout,
@@ -83,8 +82,6 @@ DIAGNOSES = st.builds(
         share=st.none() | NUMBERS,
         rate=st.none() | NAMES,
         gp=st.none() | st.just(RemainderGp(True, "effects", None)),
-        lack_of_fit=st.none()
-        | st.builds(MissingLaw, rate=NAMES, on=st.tuples(NAMES), nats=NUMBERS, p_value=st.floats(0, 1), memory=st.none() | st.floats(0, 1)),
     ),
     explained=st.builds(Explained, rollout=st.none() | SHARES, one_step=st.dictionaries(NAMES, SHARES, max_size=5)),
     combinations=st.lists(

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, curve, friction, gain, named, partial, share, unknown, viscous
+from rich_diagnoses import RICH, friction, gain, measured, named, partial, share, unknown, viscous
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
 from gpsim.diagnosis.report import Explained, NotAsked, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
+from gpsim.traces import BASE, EFFECTS, Trace, Traces
 
 pytestmark = pytest.mark.pictures
 
@@ -76,11 +76,11 @@ def test_the_first_screen_is_the_account(verdict):
     [
         ("named", ["Real, base and corrected", "What the mismatch is made of"]),
         ("partial", ["Real, base and corrected", "What the mismatch is made of"]),
-        ("unknown", ["Real and base", "What is missing"]),
+        ("unknown", ["Real and base"]),
         ("none", ["Real and base"]),
     ],
 )
-def test_two_pictures_stand_beside_it(verdict, titles):
+def test_its_pictures_stand_beside_it(verdict, titles):
     screen = check_policy(first_screen(told(RICH[verdict]())))
     assert [a["alt"] for tag, a in screen.elements if tag == "img"] == titles
 
@@ -117,20 +117,16 @@ def test_what_explains_less_than_nothing_is_no_part_and_nobody_draws_what_nobody
     assert parts(unknown()) == []
 
 
-def test_every_curve_has_a_picture_and_says_how_much_more_it_explains():
-    two = replace(partial(), curves=(curve(), replace(curve(), low=(), high=(), gain=None)))
+def test_every_measured_curve_has_a_picture():
+    two = replace(partial(), effects=(friction(), measured(), measured("theta", low=(), high=())))
     drawn = account_figures(two, STATE, None)
-    assert set(drawn) == {"decomposition", "curve_1", "curve_2"}
-    assert drawn["curve_1"].title == "Does the law hold? Coulomb friction on x and viscous friction on x"
-    assert "at theta = 0.1" in drawn["curve_1"].caption
-    assert "explains 4 % (2 to 6) more" in drawn["curve_1"].caption
-    assert "more" not in drawn["curve_2"].caption
-    missing = account_figures(unknown(), STATE, None)["curve_missing"]
-    assert "friction" not in missing.title + missing.caption
+    assert set(drawn) == {"decomposition", "measured_1", "measured_2"}
+    assert drawn["measured_1"].title == "No law of the catalogue: measured force on x"
+    assert "force on x over x_dot" in drawn["measured_1"].caption
 
 
 def test_a_picture_that_fails_does_not_take_the_others_with_it():
-    broken = replace(partial(), curves=(replace(curve(), free=(1.0,)), curve()))
+    broken = replace(partial(), effects=(friction(), measured(visited=()), measured()))
     failed = []
 
     class Contained:
@@ -144,8 +140,8 @@ def test_a_picture_that_fails_does_not_take_the_others_with_it():
             failed.extend([self.name] if kind else [])
             return True
 
-    assert set(account_figures(broken, STATE, None, Contained)) == {"decomposition", "curve_2"}
-    assert failed == ["curve_1"]
+    assert set(account_figures(broken, STATE, None, Contained)) == {"decomposition", "measured_2"}
+    assert failed == ["measured_1"]
 
 
 def test_a_page_without_pictures_is_whole():
@@ -174,12 +170,10 @@ def test_names_are_drawn_letter_by_letter():
     odd = ("_$a$ 位", r"$\\frac{", "x" * 90)
     state = Channels.of(dict.fromkeys((*odd, "theta"), "m^2 $"))
     effects = tuple(friction(on=name) for name in odd)
-    strange = replace(
-        curve(), quantity=odd[0], input=odd[1], unit=odd[2], effects=(("coulomb_friction", odd[0]),)
-    )
-    found = replace(partial(), effects=effects, curves=(strange,))
+    strange = measured(odd[0], quantity=odd[0], input=odd[1], unit=odd[2])
+    found = replace(partial(), effects=(*effects, strange))
     drawn = account_figures(found, state, rolled())
-    assert set(drawn) == {"held_out_rollout", "decomposition", "curve_1"}
+    assert set(drawn) == {"held_out_rollout", "decomposition", "measured_1"}
     assert all(picture.png.startswith(b"\x89PNG") for picture in drawn.values())
 
 

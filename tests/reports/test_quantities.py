@@ -71,9 +71,10 @@ def test_an_error_has_two_digits(value, said):
         (LogFact("outliers", "x", 12), "12 samples of x leap and were left out"),
         (LogFact("missing", "", 7), "7 samples are missing"),
         (LogFact("jitter", "", 0, 0.4, "ms"), "the clock jitters by 0.4 ms"),
-        (LogFact("late", "x", 0, 0.03, "s"), "x arrives late by 0.03 s"),
-        (LogFact("late", "x", 40, 0.03, "s"), "x arrives late by 0.03 s, at 40 samples"),
-        (LogFact("drift", "x", 0, 12.0, "ppm"), "the clock of x drifts by 12 ppm"),
+        (
+            LogFact("pushed", "", 5, 2.0, "s"),
+            "something from outside acted from 2 s on (a push, a bump) and was left out, at 5 samples",
+        ),
     ],
 )
 def test_a_fact_of_the_log_is_said(fact, said):

@@ -1,6 +1,5 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
-from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
 from gpsim.diagnosis.assessment.by_recording import by_recording
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import Comparison, compare
@@ -11,27 +10,19 @@ from gpsim.diagnosis.assessment.intervals import correlations, covariance, inter
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
 from gpsim.diagnosis.assessment.replay import replayed
+from gpsim.diagnosis.assessment.rollouts import Model
 from gpsim.diagnosis.assessment.scoring import posed, score
-from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
 
 __all__ = [
-    "BASE",
-    "EFFECTS",
     "SINCE_REVERSAL",
-    "Along",
-    "Alongside",
     "Comparison",
-    "Course",
+    "Model",
     "Sizes",
-    "Trace",
-    "Traces",
     "acts_in",
-    "alongside",
     "by_recording",
     "combinations",
     "compare",
     "correlations",
-    "course",
     "covariance",
     "depends_on",
     "estimates",
@@ -43,6 +34,5 @@ __all__ = [
     "replayed",
     "score",
     "tell_apart",
-    "traces",
     "with_model_error",
 ]

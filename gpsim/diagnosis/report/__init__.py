@@ -1,33 +1,45 @@
 """The result of a diagnosis as typed, frozen objects, and the file they are read from and written to."""
 
-from gpsim.diagnosis.report.contradictions import contradictions
+from gpsim.diagnosis.report.contradictions import contradictions, no_size, sized
 from gpsim.diagnosis.report.diagnosis import (
     SCHEMA,
     BroughtFrom,
     Concentration,
     Diagnosis,
+    Discrimination,
+    EndErrors,
+    Excitation,
+    FromOthers,
     Location,
-    MissingLaw,
+    NoGp,
+    NotAsked,
+    OneRecording,
+    OwnValues,
     Remainder,
     RemainderGp,
+    Separation,
+    Shape,
     Verdict,
     schema,
 )
 from gpsim.diagnosis.report.effects import (
     Alternative,
     Claims,
+    Combination,
     Doubt,
     Estimate,
+    Explained,
     Form,
+    JudgedOn,
     Leads,
+    LogFact,
+    MeasuredCurve,
     NamedEffect,
     Odds,
     RankedHypothesis,
     Role,
     Share,
 )
-from gpsim.diagnosis.report.explained import Combination, Curve, Explained, JudgedOn, LogFact
-from gpsim.diagnosis.report.facts import Discrimination, Excitation, NoGp, Separation, Shape
 from gpsim.diagnosis.report.fit import (
     BlackBox,
     BoxKind,
@@ -39,6 +51,8 @@ from gpsim.diagnosis.report.fit import (
     Rollout,
     RolloutErrors,
     RolloutModelErrors,
+    Score,
+    Scored,
     StepErrors,
 )
 from gpsim.diagnosis.report.kinematics import (
@@ -50,11 +64,6 @@ from gpsim.diagnosis.report.kinematics import (
     Kinematics,
     ToolError,
 )
-from gpsim.diagnosis.report.known_sizes import no_size, sized
-from gpsim.diagnosis.report.measured import FoundForm, MeasuredCurve, NearestLaw
-from gpsim.diagnosis.report.not_asked import NotAsked
-from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
-from gpsim.diagnosis.report.score import Score, Scored
 
 __all__ = [
     "SCHEMA",
@@ -65,7 +74,6 @@ __all__ = [
     "Claims",
     "Combination",
     "Concentration",
-    "Curve",
     "Diagnosis",
     "Discrimination",
     "Doubt",
@@ -74,7 +82,6 @@ __all__ = [
     "Excitation",
     "Explained",
     "Form",
-    "FoundForm",
     "FromOthers",
     "GeometryFound",
     "GeometryKind",
@@ -89,10 +96,8 @@ __all__ = [
     "Location",
     "LogFact",
     "MeasuredCurve",
-    "MissingLaw",
     "ModelErrors",
     "NamedEffect",
-    "NearestLaw",
     "NoGp",
     "NotAsked",
     "Odds",

@@ -86,6 +86,8 @@ def _read(kind: Any, content: Any, path: str) -> Any:
         return content
     if origin is tuple:
         return _read_tuple(inner, content, path)
+    if kind is Any:
+        return content
     if origin is Mapping:
         _check(isinstance(content, Mapping), "an object", content, path)
         return {str(key): _read(inner[1], part, f"{path}.{key}") for key, part in content.items()}

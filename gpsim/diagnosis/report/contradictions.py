@@ -1,4 +1,4 @@
-"""Whether a diagnosis.json contradicts itself: verdict, odds, probabilities, sizes and claims must agree.
+"""Whether a diagnosis.json contradicts itself, and whether the data know how large an effect is.
 
 The rules are those by which a verdict is made, read from the file alone, so that any file can be held to them. A file
 of an earlier version lacks some keys, and is not held to what they say.
@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Any
 
 from gpsim.diagnosis.report.codec import read
 from gpsim.diagnosis.report.effects import Estimate
-from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.settings import VerdictSettings
-from gpsim.effects import own_name
+from gpsim.effects import FAMILIES, EffectParameter, Place, base_name, own_name
 
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
 MUCH_MORE = 0.25  # of an account's error, that a black box takes off surely: it is not named
-LITTLE = (
-    0.05  # of the mismatch: where less is left, what a black box makes of it is no reason to doubt a name
-)
+LITTLE = 0.05  # of the mismatch: where less is left, what a black box makes of it is no reason for doubt
 CLOSE = 1.025  # of a ratio of probabilities: explanations are as likely, and numbers are rounded in the file
 
 
@@ -29,13 +27,16 @@ def contradictions(diagnosis: Json) -> list[str]:
     """What of a diagnosis.json, as it was parsed, contradicts something else in it; empty where nothing does."""
     verdict, effects = diagnosis["verdict"], diagnosis["effects"]
     claims = [e for e in effects if e.get("role", "headline") == "headline"]
-    found = [*_probabilities(diagnosis), *_gates(effects)]
+    found = list(_probabilities(diagnosis))
+    for effect in effects:
+        share = effect.get("acts_in")
+        if share is not None and not FEW <= share <= MANY:
+            found.append(f"{_name(effect)} is limited, and acts in {100 * share:.3g} % of the samples")
     if verdict in ("unknown", "none"):
-        found += [f"verdict {verdict}, and {_name(e)} is a headline effect" for e in claims]
-        return found
-    found += [
-        f"nothing is known of how large {_name(e)} is, a headline effect" for e in claims if not _any_size(e)
-    ]
+        return found + [f"verdict {verdict}, and {_name(e)} is a headline effect" for e in claims]
+    for effect in claims:
+        if no_size(effect["family"], _sizes(effect)):
+            found.append(f"nothing is known of how large {_name(effect)} is, a headline effect")
     if not effects:
         found.append(f"verdict {verdict}, without an effect")
     if verdict == "named":
@@ -63,21 +64,20 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
         lacking = set(map(_claim, claims)) - set(map(_claim, rival["effects"]))
         if lacking:
             yield f"verdict named, and an alternative lacks {', '.join(f'{f} on {on}' for f, on in sorted(lacking))}"
-    share = (diagnosis.get("explained") or {}).get("rollout")
-    if (
-        share
-        and share["high"] is not None
-        and share["high"] < VerdictSettings().nearly_all
-        and _something(diagnosis)
-    ):
+    explained = diagnosis.get("explained") or {}
+    share = explained.get("rollout") or {"share": 0.0, "high": None}
+    something = diagnosis["remainder"]["structured"] or explained.get("counts", True)
+    if something and share["high"] is not None and share["high"] < VerdictSettings().nearly_all:
         yield "verdict named, and much less than nine tenths are explained"
-    box = diagnosis["fit"].get("black_box")
-    told = share and (share["share"] if share["high"] is None else share["high"])
-    if box and _at_least(box["takes_off"]) > MUCH_MORE and (told is None or told < 1 - LITTLE):
+    most = share["share"] if share["high"] is None else share["high"]
+    taken = (diagnosis["fit"].get("black_box") or {"takes_off": {"share": 0.0}})["takes_off"]
+    least = taken["share"] if taken.get("low") is None else taken["low"]
+    if least > MUCH_MORE and most < 1 - LITTLE:
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 
 def _probabilities(diagnosis: Json) -> Iterator[str]:
+    """Of explanations: they add up, and verdict and odds go by them."""
     effects, rivals = diagnosis["effects"], diagnosis["alternatives"]
     if not effects:
         return
@@ -101,31 +101,10 @@ def _probabilities(diagnosis: Json) -> Iterator[str]:
                 yield f"the odds against an account without {_name(effect)} are higher than its probability says"
 
 
-def _gates(effects: Sequence[Json]) -> Iterator[str]:
-    for effect in effects:
-        share = effect.get("acts_in")
-        if share is not None and not FEW <= share <= MANY:
-            yield f"{_name(effect)} is limited, and acts in {100 * share:.3g} % of the samples"
-
-
 def _low(effect: Json) -> bool:
     """Whether the odds of a claim are low."""
     nats = (effect.get("odds") or {}).get("nats")
     return nats is not None and nats < math.log(VerdictSettings().odds)
-
-
-def _something(diagnosis: Json) -> bool:
-    """Whether there is something to explain."""
-    return bool(diagnosis["remainder"]["structured"] or diagnosis["explained"].get("counts", True))
-
-
-def _at_least(share: Json) -> float:
-    low = share.get("low")
-    return float(share["share"] if low is None else low)
-
-
-def _any_size(effect: Json) -> bool:
-    return not no_size(effect["family"], _sizes(effect))
 
 
 def _sizes(effect: Json) -> dict[str, Estimate]:
@@ -143,3 +122,44 @@ def _claim(effect: Json) -> tuple[str, str]:
 
 def _name(effect: Json) -> str:
     return " on ".join(_claim(effect))
+
+
+WIDEST = 2.0  # times a size: an interval that is wider does not know it
+NOTHING = 3 * WIDEST  # times a size: of one that is as wide nothing is known at all
+
+
+def sized(family: str, parameters: Mapping[str, Estimate]) -> bool:
+    """Whether some parameter's interval excludes what does nothing, and is not wider than twice the size.
+
+    One is enough: of two gains one may be as it should, of a law's shape little need be known.
+    """
+    return _some(family, parameters, WIDEST)
+
+
+def no_size(family: str, parameters: Mapping[str, Estimate]) -> bool:
+    """Whether nothing is known of any parameter: 0 +- 1100 N."""
+    return not _some(family, parameters, NOTHING)
+
+
+def _some(family: str, parameters: Mapping[str, Estimate], widest: float) -> bool:
+    """Whether some interval is no wider than `widest` times its size; of a size it excludes what does nothing, too."""
+    declared, asked = _declared(family), False
+    for name, size in parameters.items():
+        known = declared.get(base_name(name))
+        if known is not None and known.place:
+            continue
+        asked, none = True, known.none if known else 0.0
+        if size.low is not None and size.high is not None:
+            outside = widest > WIDEST or not size.low <= none <= size.high
+            if outside and size.high - size.low <= widest * abs(size.value - none):
+                return True
+    return not asked
+
+
+@cache
+def _declared(family: str) -> Mapping[str, EffectParameter]:
+    """The parameters of a family of the catalogue by name; none of another's."""
+    if family not in FAMILIES:
+        return {}
+    effect, place = FAMILIES[family], Place("q", "1", loaded=True)
+    return {p.name: p for variant in effect.variants for p in effect.parameters(place, variant)}

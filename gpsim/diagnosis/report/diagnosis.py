@@ -9,19 +9,40 @@ from importlib.resources import files
 from typing import Any, Literal
 
 from gpsim.diagnosis.report.codec import OMITTED, UNWRITTEN, read, written
-from gpsim.diagnosis.report.effects import Alternative, Doubt, Leads, NamedEffect, RankedHypothesis
-from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogFact
-from gpsim.diagnosis.report.facts import Discrimination, NoGp
+from gpsim.diagnosis.report.effects import (
+    Alternative,
+    Claims,
+    Combination,
+    Doubt,
+    Estimate,
+    Explained,
+    Leads,
+    LogFact,
+    NamedEffect,
+    RankedHypothesis,
+    Share,
+)
 from gpsim.diagnosis.report.fit import HeldOutFit
 from gpsim.diagnosis.report.kinematics import Kinematics
-from gpsim.diagnosis.report.not_asked import NotAsked
-from gpsim.diagnosis.report.recordings import OneRecording
 from gpsim.errors import UsageError
 
 SCHEMA = "gpsim.diagnosis/2"
 SCHEMAS = "gpsim.diagnosis/"  # of any version: those to come have all of its keys
 
 Verdict = Literal["named", "ambiguous", "partial", "unknown", "none"]
+Shape = Literal["constant", "slow wave", "fast wave", "random levels"]
+Because = Literal[
+    "no command",
+    "constant command",
+    "constant",
+    "held",
+    "not needed",
+    "estimated",
+    "known",
+    "asked",
+    "does nothing",
+    "nothing touches",
+]
 
 
 @dataclass(frozen=True)
@@ -59,20 +80,19 @@ class Location:
     concentrated: Concentration | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class MissingLaw:
-    """The smooth law that would take off most of what is left.
+@dataclass(frozen=True)
+class NoGp:
+    """Why no Gaussian process models what is left.
 
-    Of which rate and of what (`on`); memory: where given, also of the command's average over so long before [s]; nats:
-    what it would gain; p_value: of that gain by chance; curve: what it looks like, where it has one input.
+    What is left has no structure; or fitting it, or writing it down, failed; or, on training data that it had not seen,
+    the process makes the error in `channel` (a rate one step ahead, or a measured channel after a `rollout`) so many
+    `times` as large; or it explains nothing.
     """
 
-    rate: str
-    on: tuple[str, ...]
-    memory: float | None = None
-    nats: float
-    p_value: float
-    curve: Curve | None = None
+    reason: Literal["no structure", "harms", "explains nothing", "not fitted", "not written"]
+    channel: str = ""
+    rollout: bool = False
+    times: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -93,16 +113,112 @@ class Remainder:
     """What the effects leave: whether it has structure, on which inputs it depends, the p-value of its whiteness.
 
     gp: None in files of versions that always had a Gaussian process; share: of the mismatch [1], that is left; rate:
-    the one in which the largest part of what was there is left, None where none was measured.
+    the one in which the largest part of what was there is left, None where none was measured; lack_of_fit: a law that
+    earlier versions found missing.
     """
 
     structured: bool
     depends_on: tuple[str, ...]
     p_value: float
-    lack_of_fit: MissingLaw | None = None
+    lack_of_fit: Mapping[str, Any] | None = None
     gp: RemainderGp | None = None
     share: float | None = None
     rate: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotAsked:
+    """Something that the recording does not show, or that the user has settled, and what is left out for it.
+
+    because: a command that was not recorded and is taken as 0, or that never changes; a state that never changes, is
+    held still, was not measured and is not needed, or was not measured and is estimated; a parameter that the user
+    knows; a family that the user did not ask for; an effect that is required and does nothing; or a geom that nothing
+    touches. channel: of which; value: where it stands, None where nothing does; families: those that are left out,
+    empty where none are.
+    """
+
+    because: Because
+    channel: str
+    value: float | None = None
+    unit: str = ""
+    families: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndErrors:
+    """Root mean square errors of a channel [unit] at the end of rollouts: of the base and of base + effects."""
+
+    before: float
+    after: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class FromOthers:
+    """How an account that was learnt from all other recordings does on the whole of this one.
+
+    explained: the share of the mismatch that it takes off; rollout: by measured channel.
+    """
+
+    explained: Share | None
+    rollout: Mapping[str, EndErrors]
+
+
+@dataclass(frozen=True)
+class OwnValues:
+    """Parameters of one effect that are a recording's own."""
+
+    family: str
+    on: str
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneRecording:
+    """One of several recordings.
+
+    transitions: as it was looked at; held_out: its episodes of which something was held out; own: effects with values
+    of its own; explained: the share of its mismatch that the account takes off, None where there is none to speak of;
+    rollout: by measured channel, on what it held out; from_others: where there are three recordings or more.
+    """
+
+    name: str
+    transitions: int
+    held_out: tuple[str, ...]
+    own: tuple[OwnValues, ...]
+    explained: Share | None
+    rollout: Mapping[str, EndErrors]
+    from_others: FromOthers | None = field(default=None, metadata=OMITTED)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What an action is driven with; size: of the level, the amplitude or the largest level, in the action's unit."""
+
+    action: str
+    shape: Shape
+    size: float
+
+
+@dataclass(frozen=True)
+class Separation:
+    """A recording that tells explanations apart.
+
+    They then differ by up to `difference` standard deviations of the noise in `channel`, the two nearest ones that is.
+    """
+
+    excitation: Excitation
+    explanations: tuple[Claims, ...]
+    channel: str
+    difference: float
+
+
+@dataclass(frozen=True)
+class Discrimination:
+    """The fewest recordings that separate the rivals, and the pairs that no excitation separates of those tried."""
+
+    recordings: tuple[Separation, ...]
+    inseparable: tuple[tuple[Claims, Claims], ...]
 
 
 @dataclass(frozen=True)
@@ -123,15 +239,14 @@ class Diagnosis:
     verdict: named (one explanation stands out), ambiguous (`alternatives` cannot be ruled out), partial (the effects
     explain most of it, not all, or a law only approximately), unknown (they explain less than half) or none.
     explained: how much they explain; doubts: why it is not named; leads: which of the explanations that the data cannot
-    tell apart `effects` holds; curves: free ones beside their laws; combinations: parameters that only act
-    together; log_facts: what is peculiar to the log, in words; facts: the same, which the file does not hold.
-    tell_apart: which recording would separate the rivals, in words; discrimination: in facts, which the file does not
-    hold. integration: the step of the explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone
-    changed the base's parameters [1]. dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured:
-    states that were estimated; not_asked: what the recording does not show, and families left out for it.
-    ranking: all that was fitted, the best first. recordings: those that were judged together, None of one alone.
-    brought: where families of effects and rivals are from that are not the catalogue's, None where all are.
-    kinematics: what a motion capture says of the model's geometry, None where there was none.
+    tell apart `effects` holds; curves: free ones, in files of earlier versions; combinations: parameters that only act
+    together; log_facts: what is peculiar to the log, in words; tell_apart: which recording would separate the rivals,
+    in words; facts, discrimination: the same, which the file does not hold. integration: the step of the explanation,
+    `fine` or the base's integrator. tuned: ratios by which tuning alone changed the base's parameters [1]. dt: the step
+    [s] of what was looked at, every `thinned`-th sample. not_measured: states that were estimated; not_asked: what the
+    recording does not show, and families left out for it. ranking: all that was fitted, the best first. recordings:
+    those that were judged together, None of one alone. brought: where families are from that are not the catalogue's,
+    None where all are. kinematics: what a motion capture says of the model's geometry, None where there was none.
     """
 
     verdict: Verdict
@@ -150,7 +265,7 @@ class Diagnosis:
     explained: Explained = field(default_factory=Explained)
     doubts: tuple[Doubt, ...] = ()
     leads: Leads = "likeliest"
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[Mapping[str, Any], ...] = ()
     combinations: tuple[Combination, ...] = ()
     log_facts: tuple[str, ...] = ()
     ranking: tuple[RankedHypothesis, ...]
@@ -182,7 +297,6 @@ class Diagnosis:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of diagnosis.json."""
-    content: dict[str, Any] = json.loads(
-        (files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8")
-    )
+    text = (files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8")
+    content: dict[str, Any] = json.loads(text)
     return content

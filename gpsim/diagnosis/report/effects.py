@@ -1,13 +1,12 @@
-"""The effects that a diagnosis names, with their numbers, and the explanations that they were compared with."""
+"""The effects that a diagnosis names, with their numbers, what they explain, and what they were compared with."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from gpsim.diagnosis.report.codec import OMITTED
-from gpsim.diagnosis.report.measured import MeasuredCurve
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
@@ -18,6 +17,7 @@ Doubt = Literal["left", "form", "black box", "bound", "size", "implausible", "no
 bound, is not known, no effect is a claim by itself, the odds against an account without one of its claims are low."""
 Leads = Literal["likeliest", "simplest"]
 """Which of those that the data cannot tell apart is the account."""
+JudgedOn = Literal["held-out rollouts", "cross-fitted rollouts", "fit windows"]
 
 
 @dataclass(frozen=True)
@@ -57,21 +57,43 @@ class Odds:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MeasuredCurve:
+    """A law that was measured: piecewise linear between its knots.
+
+    quantity: what it gives (`force on q`), in `unit`; input: of what, in `input_unit`; at: (K,) the knots; values: (K,)
+    the curve there, low, high its 90 % band; visited: from where to where the recording went: outside, what the curve
+    adds to the base is held, which is extrapolation; freedom: its effective parameters; nearest: laws of the catalogue,
+    in files of earlier versions alone.
+    """
+
+    quantity: str
+    unit: str
+    input: str
+    input_unit: str
+    at: tuple[float, ...]
+    values: tuple[float, ...]
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+    visited: tuple[float, float]
+    freedom: float
+    nearest: tuple[Mapping[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class NamedEffect:
     """One effect of an explanation.
 
     family, site: docs/reference/effects.md; on: what it acts on, a coordinate, action, channel or parameter;
     parameters: by name; region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the
-    recording's clock;
-    since_episode: the name of the first episode in which it acts; acts_in: the share of the samples in which it acts,
-    None where it always does; probability: of the whole explanation; evidence_gain:
-    nats; explains: the share of the residual beyond noise that goes with it; importance: its part of what the account
-    explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;
-    role: headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
+    recording's clock; since_episode: the name of the first episode in which it acts; acts_in: the share of the samples
+    in which it acts, None where it always does; probability: of the whole explanation; evidence_gain: nats; explains:
+    the share of the residual beyond noise that goes with it; importance: its part of what the account explains
+    (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew; role:
+    headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
     inputs; sentence: what a person would say; implausible: the same of sizes that no machine of the kind has, None
     where all are usual. Of several recordings: recordings: the only ones in which it acts; own: recording -> parameters
-    that differ there from `parameters`, which all others share. Where none shares them, `parameters` are those of the
-    first recording in which it acts. curve: of an effect whose law is no catalogue's but was measured.
+    that differ there from `parameters`, which all others share (where none shares them, `parameters` are those of the
+    first recording in which it acts). curve: of an effect whose law is no catalogue's but was measured.
     """
 
     family: str
@@ -125,3 +147,54 @@ class RankedHypothesis:
     scheme: str
     windows: Literal["all", "search"] = "search"
     refused: str | None = field(default=None, metadata=OMITTED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explained:
+    """Which share of the base's mismatch, on squares and beyond the noise, the named effects take off.
+
+    rollout: over all channels that count, None where nothing could be compared; channels: each of them; one_step: rate
+    by rate, which decides nothing; judged_on: which data, cross-fitted where too few are held out, and fit windows
+    where in no rollout's channel the mismatch stands out of the noise (`counts` is false then).
+    """
+
+    rollout: Share | None = None
+    channels: Mapping[str, Share] = field(default_factory=dict)
+    one_step: Mapping[str, Share] = field(default_factory=dict)
+    judged_on: JudgedOn = "held-out rollouts"
+    counts: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Combination:
+    """Parameters that only act together: what of them the data fix, and the direction that they leave open.
+
+    of: the parameters, as `family on place: name`; fixed, open: in words; exponents: of each parameter in the product
+    that is fixed; value, low, high, unit: of that product; weights, neutral: of a sum, in files of earlier versions.
+    """
+
+    of: tuple[str, ...]
+    fixed: str
+    open: str
+    exponents: tuple[float, ...] = ()
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    unit: str = "1"
+    weights: tuple[float, ...] = ()
+    neutral: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class LogFact:
+    """Something about the log itself, which is no physics.
+
+    kind: what; channel: of which, empty of the whole log; count: of samples, 0 where it is all of them; value: how
+    much, in `unit`.
+    """
+
+    kind: Literal["repeated", "missing", "quantised", "jitter", "outliers", "touching", "pushed"]
+    channel: str = ""
+    count: int = 0
+    value: float | None = None
+    unit: str = ""

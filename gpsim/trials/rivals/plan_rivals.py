@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.diagnosis import LeftOpen, left_open_from
 from gpsim.diagnosis.fitting import fit
 from gpsim.diagnosis.setup import prepare
 from gpsim.files import read_object
+from gpsim.posterior import LeftOpen, left_open_from
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording
 from gpsim.simulators import make_simulator
 from gpsim.trials.blinding import DIAGNOSES, DIAGNOSIS, PLAN, PUBLIC, Answer, played

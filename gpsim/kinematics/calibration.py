@@ -10,11 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.kinematics.evidence import Linear, counting
-from gpsim.diagnosis.kinematics.least_squares import DELAY, WILD, Fit, Problem, fitted, scales, weighed
-from gpsim.diagnosis.kinematics.samples import Samples, samples_of
 from gpsim.diagnosis.report import (
     Estimate,
     GeometryFound,
@@ -24,6 +22,17 @@ from gpsim.diagnosis.report import (
     ToolError,
 )
 from gpsim.diagnosis.report import Kinematics as Told
+from gpsim.kinematics.evidence import Linear, counting
+from gpsim.kinematics.least_squares import (
+    DELAY,
+    WILD,
+    Fit,
+    Problem,
+    fitted,
+    samples_of,
+    scales,
+    weighed,
+)
 from gpsim.mjcf import Kinematics, MjcfSimulator, Moved
 from gpsim.recordings import Recording, evenly
 
@@ -74,7 +83,8 @@ def calibrate(recording: Recording, simulator: MjcfSimulator) -> Calibration | N
 def _start(problem: Problem) -> FloatArray:
     """(P + 1,): a frame that is far off put in place, and the delay at which the whole geometry leaves least."""
     theta = np.zeros(problem.size)
-    few = _few(problem)
+    training = np.flatnonzero(problem.samples.training)
+    few = Problem(problem.kinematics, problem.samples.take(training[evenly(len(training), FEW)]))
     points = few.samples.points
     seen = np.isfinite(points).all(axis=2)
     said = few.kinematics.poses(few.samples.at(0.0)[0], theta[:-1]).points
@@ -87,21 +97,8 @@ def _start(problem: Problem) -> FloatArray:
     return theta
 
 
-def _few(problem: Problem) -> Problem:
-    """The problem on few samples."""
-    s = problem.samples
-    (training,) = np.nonzero(s.training)
-    rows = training[evenly(len(training), FEW)]
-    own = Samples(
-        s.names, s.turned, s.t[rows], s.piece[rows], s.pieces, s.points[rows], s.quats[rows], s.training[rows]
-    )
-    return Problem(problem.kinematics, own)
-
-
 def _placed(said: FloatArray, seen: FloatArray, pivot: FloatArray) -> FloatArray:
     """(6,): the turn and the place of a frame that lay points (N, 3) best upon others (Kabsch 1976), leaps left out."""
-    from scipy.spatial.transform import Rotation
-
     rows = np.ones(len(said), dtype=np.bool_)
     turn, shift = Rotation.identity(), np.zeros(3)
     for _ in range(AGAIN):
@@ -128,79 +125,54 @@ def _left(problem: Problem, start: FloatArray, delay: float) -> float:
 def _errors(problem: Problem, placed: Fit, fit: Fit, whole: Fit) -> dict[str, ToolError]:
     """Of each target, on held-out samples that were seen and do not leap."""
     base = problem.residual(np.zeros(problem.size))
-    held = ~problem.samples.training
     out = {}
     for k, name in enumerate(problem.samples.names):
-        at = slice(3 * k, 3 * k + 3)
-        distances = [np.linalg.norm(r[:, at], axis=1) for r in (base, placed.residual, fit.residual)]
-        rows = held & np.isfinite(distances).all(axis=0)
-        typical = float(np.median(distances[2][rows])) if rows.any() else np.inf
-        rows &= distances[2] <= WILD * max(typical, float(whole.sigma[at][0]))
-        before, fitted_frame, after = (_rms(d[rows]) for d in distances)
-        noise = float(whole.sigma[at][0]) * 3.0**0.5
-        out[name] = ToolError(before=before, placed=fitted_frame, after=after, noise=noise)
+        at, sigma = slice(3 * k, 3 * k + 3), float(whole.sigma[3 * k])
+        distances = np.stack(
+            [np.linalg.norm(r[:, at], axis=1) for r in (base, placed.residual, fit.residual)]
+        )
+        held = distances[:, ~problem.samples.training & np.isfinite(distances).all(axis=0)]
+        typical = float(np.median(held[2])) if held.size else np.inf
+        held = held[:, held[2] <= WILD * max(typical, sigma)]
+        sizes = np.sqrt((held**2).mean(axis=1)).tolist() if held.size else [float("nan")] * 3
+        out[name] = ToolError(before=sizes[0], placed=sizes[1], after=sizes[2], noise=sigma * 3.0**0.5)
     return out
 
 
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
-
-
 def _told(
-    problem: Problem,
-    linear: Linear,
-    chosen: Sequence[int],
-    fit: Fit,
-    error: dict[str, ToolError],
+    problem: Problem, linear: Linear, chosen: Sequence[int], fit: Fit, error: dict[str, ToolError]
 ) -> Told:
+    """In numbers: what is off, what would do as well in its place, and what cannot be told from others."""
+    places = [GeometryPlace(p.kind, p.on, p.axis) for p in problem.kinematics.places]
+    places.append(GeometryPlace("delay", "", ""))
+    units = [*(place.unit for place in problem.kinematics.places), "s"]
     every = (*linear.nuisance, *chosen)
-    _, deviations = linear.estimates(every)
-    sizes = dict(zip(every, deviations, strict=True))
+    sizes = dict(zip(every, linear.estimates(every)[1], strict=True))
+
+    def instead(number: int) -> tuple[InPlaceOf, ...]:
+        rest = [k for k in every if k != number]
+        return tuple(
+            InPlaceOf(
+                place=places[c], value=float(linear.estimates([*rest, c])[0][-1]), unit=units[c], exact=exact
+            )
+            for c, exact in linear.instead(number, every)[:MOST]
+        )
+
     found = []
     for i in (*chosen, *linear.told(chosen)):
         value, half = float(fit.theta[i]), NINETY * float(sizes[i])
-        estimate = Estimate(value, value - half, value + half, _unit(problem, i))
-        others = linear.instead(i, every)[:MOST]
-        rest = [k for k in every if k != i]
-        instead = tuple(
-            InPlaceOf(
-                place=_place(problem, c),
-                value=float(linear.estimates([*rest, c])[0][-1]),
-                unit=_unit(problem, c),
-                exact=exact,
-            )
-            for c, exact in others
-        )
-        found.append(
-            GeometryFound(place=_place(problem, i), size=estimate, model=i in chosen, instead=instead)
-        )
-    samples = problem.samples
+        size = Estimate(value, value - half, value + half, units[i])
+        found.append(GeometryFound(place=places[i], size=size, model=i in chosen, instead=instead(i)))
     return Told(
-        targets=samples.names,
-        samples=len(samples),
+        targets=problem.samples.names,
+        samples=len(problem.samples),
         lost=int((~fit.kept).sum()),
-        held_out=int((~samples.training).sum()),
+        held_out=int((~problem.samples.training).sum()),
         independent=linear.independent,
         found=tuple(found),
         error=error,
         inseparable=tuple(
-            Inseparable(
-                place=_place(problem, i),
-                of=tuple(_place(problem, k) for k in of),
-                weights=tuple(float(w) for w in weights),
-            )
+            Inseparable(place=places[i], of=tuple(places[k] for k in of), weights=tuple(map(float, weights)))
             for i, of, weights in linear.inseparable()
         ),
     )
-
-
-def _place(problem: Problem, number: int) -> GeometryPlace:
-    if number == len(problem.kinematics.places):
-        return GeometryPlace("delay", "", "")
-    place = problem.kinematics.places[number]
-    return GeometryPlace(place.kind, place.on, place.axis)
-
-
-def _unit(problem: Problem, number: int) -> str:
-    places = problem.kinematics.places
-    return "s" if number == len(places) else places[number].unit

@@ -1,5 +1,5 @@
 """Kinematics: what a motion capture of a model's sites says of its geometry, before anything is simulated."""
 
-from gpsim.diagnosis.kinematics.calibration import Calibration, calibrate
+from gpsim.kinematics.calibration import Calibration, calibrate
 
 __all__ = ["Calibration", "calibrate"]

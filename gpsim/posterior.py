@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open, in numbers: explanations, how their parameters vary, noise, and what was visited.
+"""What a diagnosis leaves open, in numbers and as posterior.json: explanations, how their parameters vary, noise.
 
 A plan for the next recording is made from it, a monitor compares later recordings with it, and policies are trained in
 simulators that are drawn from it.
@@ -8,20 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.corrected import Drawable, EffectsPlant, PosteriorPlant, Size, Spread
+from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, mean_squares
-from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.report import Diagnosis, NamedEffect
+from gpsim.diagnosis.report import NamedEffect
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import EffectParameter, Term, base_name, own_name, owner_of
+from gpsim.effects import EffectParameter, Term, base_name, from_json, own_name, owner_of, to_json
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording, evenly
+from gpsim.recordings import evenly
 
 VISITED = 128  # samples that stand for where a recording has been
 LEAST_VARIANCE = 1e-300  # of a parameter; guards a division
@@ -143,8 +144,9 @@ class LeftOpen:
             raise UsageError(f"{where}: {error}") from error
 
 
-def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis) -> LeftOpen:
+def posterior_of(found: Outcome) -> LeftOpen:
     """The leader and its rivals as a diagnosis leaves them; of several recordings, as they are in the last."""
+    question, judgement, diagnosis = found.question, found.judgement, found.diagnosis
     problem = question.everything
     fits = (judgement.leader, *judgement.rivals)
     told = (diagnosis.effects, *(rival.effects for rival in diagnosis.alternatives))
@@ -169,66 +171,146 @@ def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis)
 def _explanation(
     problem: Problem, fit: Fit, probability: float, effects: Sequence[NamedEffect], names: Sequence[str]
 ) -> Explanation:
-    """effects: the account's; names: of several recordings."""
+    """As it is now: what began inside the recording acts. effects: the account's; names: of several recordings."""
     whole, every, last = fit.hypothesis, covariance(problem, fit), len(names) - 1
     rows = {(term.identity, p.name): row for row, (_, term, p) in enumerate(parameters_of(whole))}
     told = {(effect.family, effect.on): effect for effect in effects}
-    own = _begun(whole.in_recording(last) if names else whole)
+    here = whole.in_recording(last) if names else whole
     declared, kept, intervals = [], [], []
-    for term, group in zip(own.terms, own.declared, strict=True):
-        named = [(own_name(p.name, last), p.name) for p in group]
-        found = [next((n for n in both if (term.identity, n) in rows), None) for both in named]
-        declared.append(tuple(p for p, name in zip(group, found, strict=True) if name is not None))
-        for name in filter(None, found):  # what is left is another recording's alone
-            kept.append(rows[term.identity, name])
-            effect = told[term.identity]
-            estimate = (
-                (effect.own or {}).get(names[last], {}).get(base_name(name))
-                if owner_of(name) is not None
-                else None
-            )
-            estimate = estimate or effect.parameters[base_name(name)]
-            intervals.append([math.nan if e is None else e for e in (estimate.low, estimate.high)])
+    for term, group in zip(here.terms, here.declared, strict=True):
+        effect, own = told[term.identity], list[EffectParameter]()
+        for p in group:  # what neither is this recording's nor shared by all is another's alone
+            found = [n for n in (own_name(p.name, last), p.name) if (term.identity, n) in rows]
+            if found:
+                name, base = found[0], base_name(found[0])
+                alone = (effect.own or {}).get(names[last], {}) if owner_of(name) is not None else {}
+                size = alone.get(base) or effect.parameters[base]
+                own.append(p)
+                kept.append(rows[term.identity, name])
+                intervals.append([math.nan if e is None else e for e in (size.low, size.high)])
+        declared.append(tuple(own))
+    terms = tuple(replace(term, gate=term.gate.opened) for term in here.terms)
+    hypothesis = replace(here, terms=terms, declared=tuple(declared))
     ends = np.array(intervals, dtype=np.float64).reshape(len(kept), 2)
-    return Explanation(replace(own, declared=tuple(declared)), probability, every[np.ix_(kept, kept)], ends)
-
-
-def _begun(hypothesis: Hypothesis) -> Hypothesis:
-    """As it is now: what began inside the recording acts from the start."""
-    return replace(hypothesis, terms=tuple(replace(t, gate=t.gate.opened) for t in hypothesis.terms))
+    return Explanation(hypothesis, probability, every[np.ix_(kept, kept)], ends)
 
 
 def visited_of(question: Question) -> Visited:
     """Where its recording has been."""
-    recording, simulator = question.recording, question.whole
-    states = np.concatenate(
-        [_columns(recording, e.states, simulator.state.names) for e in recording.episodes]
-    )
-    actions = np.concatenate([e.actions for e in recording.episodes])
+    recording, names = question.recording, question.whole.state.names
+    own = {name: i for i, name in enumerate(recording.state.names)}
+    states = [np.full((len(e.states), len(names)), np.nan) for e in recording.episodes]
+    for values, episode in zip(states, recording.episodes, strict=True):
+        for column, name in enumerate(names):
+            if name in own:
+                values[:, column] = episode.states[:, own[name]]
+    parts = zip(states, recording.episodes, strict=True)
+    pairs = np.concatenate([np.hstack([values[: len(e.actions)], e.actions]) for values, e in parts])
+    every, actions = np.concatenate(states), pairs[:, len(names) :]
     changes = [np.abs(np.diff(e.actions, axis=0)) for e in recording.episodes if len(e.actions) > 1]
     largest = np.concatenate(changes).max(axis=0) if changes else np.zeros(actions.shape[1])
-    pairs = np.concatenate(
-        [
-            np.hstack([_columns(recording, e.states, simulator.state.names)[: len(e.actions)], e.actions])
-            for e in recording.episodes
-        ]
-    )
-    starts = [_columns(recording, e.states[:1], simulator.state.names)[0] for e in recording.episodes]
     return Visited(
         seconds=float(sum(e.t[-1] - e.t[0] for e in recording.episodes)),
-        state_low=states.min(axis=0),
-        state_high=states.max(axis=0),
+        state_low=every.min(axis=0),
+        state_high=every.max(axis=0),
         action_low=actions.min(axis=0),
         action_high=actions.max(axis=0),
         action_rate=largest / recording.dt,
-        start=np.median(starts, axis=0),
+        start=np.median([values[0] for values in states], axis=0),
         rows=pairs[evenly(len(pairs), VISITED)],
     )
 
 
-def _columns(recording: Recording, states: FloatArray, names: Sequence[str]) -> FloatArray:
-    """States in the simulator's columns; NaN where the recording has none."""
-    own = recording.state.names
-    return np.stack(
-        [states[:, own.index(n)] if n in own else np.full(len(states), np.nan) for n in names], axis=1
-    )
+SCHEMA = "gpsim.posterior/2"
+OLDER = "gpsim.posterior/1"  # with a left_open.json beside it
+LEVEL = 0.9  # of an older file's intervals
+
+
+def left_open_data(open_still: LeftOpen) -> dict[str, Any]:
+    """posterior.json."""
+    return {
+        "schema": SCHEMA,
+        "level": open_still.level,
+        "explanations": [_explanation_data(e) for e in open_still.explanations],
+        "noise": dict(open_still.noise),
+        "left": dict(open_still.left),
+        "visited": {name: _listed(value) for name, value in vars(open_still.visited).items()},
+    }
+
+
+def left_open_from(data: Mapping[str, Any], where: str) -> LeftOpen:
+    """The inverse of `left_open_data`; raises UsageError."""
+    try:
+        if data["schema"] != SCHEMA:
+            raise UsageError(f"{where}: schema '{data['schema']}', expected {SCHEMA}")
+        seen = {f.name: _array(data["visited"][f.name]) for f in fields(Visited) if f.name != "seconds"}
+        visited = Visited(seconds=float(data["visited"]["seconds"]), **seen)
+        noise, left = ({str(k): float(v) for k, v in data[key].items()} for key in ("noise", "left"))
+        found = tuple(map(_explanation_from, data["explanations"]))
+        return LeftOpen(found, float(data["level"]), noise, left, visited)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"{where}: not a posterior that this version reads ({error!r})") from error
+
+
+def from_two_files(drawn: Mapping[str, Any], planned: Mapping[str, Any]) -> dict[str, Any]:
+    """What posterior.json would say now, of an older one, with intervals, and the left_open.json beside it."""
+    explanations = []
+    for entry, of in zip(planned["explanations"], drawn["explanations"], strict=True):
+        said = {}  # by the term and the name of each parameter: the older file has terms that do nothing, too
+        for size in of["parameters"]:
+            term = of["terms"][size["term"]]
+            ends = ["nan" if size[end] is None else size[end] for end in ("low", "high")]
+            said[term["family"], term["on"], size["name"]] = ends
+        groups = zip(entry["terms"], entry["parameters"], strict=True)
+        intervals = [said[term["family"], term["on"], p["name"]] for term, group in groups for p in group]
+        explanations.append(entry | {"intervals": intervals})
+    return {**planned, "schema": SCHEMA, "level": LEVEL, "explanations": explanations}
+
+
+def _explanation_data(one: Explanation) -> dict[str, Any]:
+    return {
+        "label": one.label,
+        "probability": one.probability,
+        "scheme": one.hypothesis.scheme,
+        "terms": [to_json(term) for term in one.hypothesis.terms],
+        "parameters": [
+            [{k: _listed(v) for k, v in asdict(p).items()} for p in group]
+            for group in one.hypothesis.declared
+        ],
+        "intervals": _listed(one.intervals),
+        "covariance": _listed(one.covariance),
+    }
+
+
+def _explanation_from(data: Mapping[str, Any]) -> Explanation:
+    terms = tuple(from_json(term) for term in data["terms"])
+    declared = tuple(tuple(map(_parameter, group)) for group in data["parameters"])
+    hypothesis = Hypothesis(terms, declared, data["scheme"])
+    size = len(hypothesis.parameters)
+    matrix = _array(data["covariance"]).reshape(size, size)
+    intervals = _array(data["intervals"]).reshape(size, 2)
+    return Explanation(hypothesis, float(data["probability"]), matrix, intervals)
+
+
+def _parameter(data: Mapping[str, Any]) -> EffectParameter:
+    values = {k: _unlisted(v) for k, v in data.items()}
+    for name in ("starts", "plausible"):
+        values[name] = None if values[name] is None else tuple(values[name])
+    return EffectParameter(**values)
+
+
+def _listed(value: Any) -> Any:
+    """JSON's own types; what is not finite, which JSON does not know, as a text."""
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_listed(v) for v in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _array(value: Any) -> FloatArray:
+    return np.array(_unlisted(value), dtype=np.float64)
+
+
+def _unlisted(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_unlisted(v) for v in value]
+    return float(value) if value in ("inf", "-inf", "nan") else value

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference, wrap_angle
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis.assessment.rollouts import Model
-from gpsim.diagnosis.assessment.scoring import posed
-from gpsim.diagnosis.data import Windows, cut
+from gpsim.diagnosis.assessment import Model, posed
+from gpsim.diagnosis.data import cut
 from gpsim.diagnosis.fitting import Hypothesis, predicted
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import Completions, Question
@@ -89,30 +88,24 @@ def _as_it_was(model: Model, plant: EffectsPlant | None) -> Model:
 
 
 def _along(question: Question, completions: Completions, model: Model, length: int) -> tuple[Along, ...]:
-    """A model along every episode, in rollouts of so many transitions."""
+    """A model along every episode, as it completes them, in rollouts of so many transitions, some at a time."""
     problem, state = question.everything, question.everything.simulator.state
     seen = np.array([name not in question.hidden for name in state.names])
     episodes = question.recording.episodes
     blank = (np.full((len(e.t), 2 * len(state) + 1), np.nan) for e in episodes)
     out = tuple(Along(b[:, : len(state)], b[:, len(state) : -1], b[:, -1]) for b in blank)
-    for windows in _windows(question, completions.by(model.hypothesis), length):
+    whole = cut(completions.by(model.hypothesis), problem.run.settings.windows, length)
+    for begin in range(0, len(whole), AT_ONCE):
+        windows = whole.take(np.arange(begin, min(begin + AT_ONCE, len(whole))))
         with np.errstate(all="ignore"):  # a rollout may run away
             said = predicted(problem, windows, model.hypothesis, model.extra)
             off = np.where(seen, difference(windows.measured, said, state), np.nan)
             said[..., state.wraps] = wrap_angle(said[..., state.wraps])
-        off[~np.isfinite(said).all(axis=2)] = np.nan
-        said[~np.isfinite(said).all(axis=2)] = np.nan
+        astray = ~np.isfinite(said).all(axis=2)
+        off[astray] = said[astray] = np.nan
         for w, index in enumerate(windows.episode):
             valid, t = windows.valid[w], windows.t[w]
             first = int(np.searchsorted(episodes[index].t, t[0]))
             rows, one = slice(first, first + int(valid.sum())), out[index]
             one.said[rows], one.off[rows], one.age[rows] = said[w, valid], off[w, valid], t[valid] - t[0]
     return out
-
-
-def _windows(question: Question, recording: Recording, length: int) -> Iterator[Windows]:
-    """The whole recording, as a model completes it, in rollouts, some at a time."""
-    settings = question.everything.run.settings.windows
-    windows = cut(recording, settings, length)
-    for first in range(0, len(windows), AT_ONCE):
-        yield windows.take(np.arange(first, min(first + AT_ONCE, len(windows))))

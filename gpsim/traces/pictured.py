@@ -78,26 +78,20 @@ class _Stretch:
     begin: float
 
 
-def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
-    """What is compared: the base simulator with its own step, and with the effects, where there are any."""
-    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
-    return {BASE: base, EFFECTS: leader} if leader.terms else {BASE: base}
-
-
 def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
     length = max(2, round(horizon / question.recording.dt))
     stretches, held_out = _stretches(question, length)
-    models = models_of(question, leader)
+    models = _models(question, leader)
     parts = {kind: _rolled(question, stretches, model, length) for kind, model in models.items()}
-    scale, best = question.everything.scale, list(models)[-1]
-    seen = np.array([name not in question.hidden for name in question.everything.simulator.state.names])
-    errors = {kind: _errors(question, *part, len(stretches)) for kind, part in parts.items()}
-    rank = (np.nan_to_num(errors[best] / scale, nan=-1.0) ** 2 * seen).sum(axis=1)
+    problem, best = question.everything, list(models)[-1]
+    seen = np.array([name not in question.hidden for name in problem.simulator.state.names])
+    errors = {kind: _errors(problem, *part, len(stretches)) for kind, part in parts.items()}
+    rank = (np.nan_to_num(errors[best] / problem.scale, nan=-1.0) ** 2 * seen).sum(axis=1)
     known = np.flatnonzero(np.isfinite(errors[best]).all(axis=1))
-    off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / scale
-    most = CHANNELS_SHOWN
-    shown = tuple(sorted(i for i in np.argsort(-np.where(seen, off, -1.0))[:most] if seen[i]))
+    off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / problem.scale
+    furthest = np.argsort(-np.where(seen, off, -1.0))[:CHANNELS_SHOWN]
+    shown = tuple(sorted(i for i in furthest if seen[i]))
     order = known[np.argsort(rank[known])][::-1]
     places = {f"worst of {len(order)}": 0, f"median of {len(order)}": len(order) // 2}
     if len(order) < 2:
@@ -111,12 +105,11 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
 
 def course(question: Question, leader: Hypothesis) -> Course:
     """Where in the recording the base is off, in the channel in which that stands out most from the noise."""
-    problem = question.everything
-    models = models_of(question, leader)
-    sizes = {  # what is hidden each model guesses for itself
-        kind: _sizes(problem, completed(problem, model, question.hidden), model)
-        for kind, model in models.items()
-    }
+    problem, sizes = question.everything, {}
+    for kind, model in _models(question, leader).items():
+        windows = completed(problem, model, question.hidden)  # what is hidden each model guesses for itself
+        squares, counts = _squares(problem, windows, predicted(problem, windows, model))
+        sizes[kind] = np.sqrt(squares / counts)
     ratio = np.sqrt(np.mean(sizes[BASE] ** 2, axis=0)) / problem.floor
     channel = int(np.argmax(np.where(problem.observed, ratio, -1.0)))
     begin = problem.windows.t[:, 0]
@@ -129,6 +122,12 @@ def course(question: Question, leader: Hypothesis) -> Course:
     )
 
 
+def _models(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
+    """What is compared: the base simulator with its own step, and with the effects, where there are any."""
+    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    return {BASE: base, EFFECTS: leader} if leader.terms else {BASE: base}
+
+
 def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
     """Held-out episodes, or what is held out of them, in parts of so many rollouts at most, evenly spread."""
     recording, settings = question.recording, question.everything.run.settings
@@ -136,23 +135,21 @@ def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
     held = held_out_mask(recording, windows)
     some = windows.take(held if held.any() else ~held)
     rests = []
-    for index in np.unique(some.episode):
-        t = recording.episodes[index].t
-        first = int(np.searchsorted(t, some.t[some.episode == index, 0].min()))
-        rests.append((int(index), t, first))
-    least = shortest(length)
+    for index in np.unique(some.episode).tolist():
+        first = np.searchsorted(recording.episodes[index].t, some.t[some.episode == index, 0].min())
+        rests.append((index, recording.episodes[index].t, int(first)))
     for most in (MOST_ROLLOUTS, MOST_ROLLOUTS_ALONE):
-        found = [part for index, t, first in rests for part in _parts(index, t, first, length, most, least)]
+        found = [part for rest in rests for part in _parts(*rest, length, most)]
         if len(found) > 1:
             break
     return [found[i] for i in evenly(len(found), STRETCHES)], bool(held.any())
 
 
-def _parts(index: int, t: FloatArray, first: int, length: int, most: int, least: int) -> list[_Stretch]:
+def _parts(index: int, t: FloatArray, first: int, length: int, most: int) -> list[_Stretch]:
     """The rest of an episode from sample `first` on, cut into equal parts where it is long."""
     rollouts = max(1, round((len(t) - first) / (length + 1)))
     each = int(np.ceil(rollouts / np.ceil(rollouts / most))) * (length + 1)
-    lows = list(range(first, max(first + 1, len(t) - least), each))
+    lows = list(range(first, max(first + 1, len(t) - shortest(length)), each))
     ends = [*lows[1:], len(t)]
     return [_Stretch(index, low, end - 1, float(t[low])) for low, end in zip(lows, ends, strict=True)]
 
@@ -161,15 +158,14 @@ def _rolled(
     question: Question, stretches: Sequence[_Stretch], model: Hypothesis, length: int
 ) -> tuple[Windows, FloatArray]:
     """The stretches in windows of the horizon (their `episode` is the stretch), and what the model says in them."""
+    problem = question.everything
     parts = tuple(_slice(question.recording, stretch, length) for stretch in stretches)
-    alone = replace(
-        question.recording, episodes=parts, held_out=HeldOut(episodes_from=0)
-    )  # no boundary in them
-    settings = question.everything.run.settings.windows
-    windows = cut(smoothed(question.everything, alone, model, question.hidden), settings, length)
+    no_boundary = HeldOut(episodes_from=0)  # in them
+    alone = replace(question.recording, episodes=parts, held_out=no_boundary)
+    windows = cut(smoothed(problem, alone, model, question.hidden), problem.run.settings.windows, length)
     begins = np.array([stretch.begin for stretch in stretches])
     windows = windows.take(windows.t[:, 0] >= begins[windows.episode])
-    return windows, predicted(question.everything, windows, model)
+    return windows, predicted(problem, windows, model)
 
 
 def _slice(recording: Recording, stretch: _Stretch, length: int) -> Episode:
@@ -182,29 +178,25 @@ def _slice(recording: Recording, stretch: _Stretch, length: int) -> Episode:
     return replace(episode, t=episode.t[rows], states=episode.states[rows], actions=actions, weights=None)
 
 
-def _errors(question: Question, windows: Windows, said: FloatArray, count: int) -> FloatArray:
+def _errors(problem: Problem, windows: Windows, said: FloatArray, count: int) -> FloatArray:
     """(count, S) root mean square of measured minus simulated in each stretch, NaN where no window fits into it."""
-    square = difference(windows.measured, said, question.everything.simulator.state) ** 2
-    valid = _after_start(windows)
-    out = np.full((count, square.shape[2]), np.nan)
+    squares, counts = _squares(problem, windows, said)
+    out = np.full((count, squares.shape[1]), np.nan)
     for index in np.unique(windows.episode):
         mine = windows.episode == index
-        out[index] = np.sqrt(square[mine][valid[mine]].mean(axis=0))
+        out[index] = np.sqrt(squares[mine].sum(axis=0) / counts[mine].sum())
     return out
 
 
-def _sizes(problem: Problem, windows: Windows, model: Hypothesis) -> FloatArray:
-    """(W, S) root mean square error of every window."""
-    left = difference(windows.measured, predicted(problem, windows, model), problem.simulator.state)
-    valid = _after_start(windows)
-    return np.asarray(np.sqrt((left**2 * valid[..., None]).sum(axis=1) / valid.sum(axis=1)[:, None]))
+def _squares(problem: Problem, windows: Windows, said: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(W, S) sums of squares of measured minus simulated, over (W, 1) samples: those after a window's first one.
 
-
-def _after_start(windows: Windows) -> BoolArray:
-    """(W, L + 1) the samples that are compared: a window's first one is where the rollout starts."""
-    valid = np.array(windows.valid)
+    That is where the rollout starts.
+    """
+    valid = np.array(windows.valid)[..., None]
     valid[:, 0] = False
-    return valid
+    off = difference(windows.measured, said, problem.simulator.state)
+    return np.where(valid, off**2, 0.0).sum(axis=1), valid.sum(axis=1)
 
 
 def _trace(
