@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from gpsim.diagnosis.assessment import (
     Comparison,
-    Sizes,
-    acts_in,
     by_recording,
     combinations,
     depends_on,
@@ -18,12 +18,13 @@ from gpsim.diagnosis.assessment import (
 )
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
-from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     BroughtFrom,
+    Combination,
     Diagnosis,
     Doubt,
+    Estimate,
     Form,
     HeldOutFit,
     MeasuredCurve,
@@ -34,7 +35,7 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import Term, origins, owner_of
+from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
 from gpsim.residuals import held_out_names
 
 MOST_TOLD = 60  # hypotheses of the ranking
@@ -53,7 +54,7 @@ class Answer:
     attribution: Attribution
     comparison: Comparison
     forms: tuple[Form, ...]
-    sizes: Sizes
+    sizes: tuple[Mapping[str, Estimate], ...]
     doubts: tuple[Doubt, ...]
     curves: Mapping[tuple[str, str, str], MeasuredCurve] = field(default_factory=dict)
 
@@ -64,7 +65,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
     remainder = _remainder(problem, answer)
-    names = [source.name for source in question.recording.sources]
+    brought = origins(t.family for fit in (leader, *judgement.rivals) for t in fit.hypothesis.terms)
     effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer)
     return Diagnosis(
         verdict=answer.verdict,
@@ -83,19 +84,12 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
         not_asked=not_asked(question),
-        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
+        combinations=_called(question, combinations(problem, leader, judgement.rivals)),
         ranking=tuple(tried.entry for tried in judgement.ranking[:MOST_TOLD]),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
-        brought=_brought(judgement),
+        brought={f: BroughtFrom(of["reference"], of["sha256"]) for f, of in brought.items()} or None,
     ).settled()
-
-
-def _brought(judgement: Judgement) -> dict[str, BroughtFrom] | None:
-    """Where the families of the account and its rivals are from that a user brought."""
-    told = (judgement.leader, *judgement.rivals)
-    found = origins(term.family for fit in told for term in fit.hypothesis.terms)
-    return {family: BroughtFrom(of["reference"], of["sha256"]) for family, of in found.items()} or None
 
 
 def _rival(question: Question, answer: Answer, index: int) -> Alternative:
@@ -143,31 +137,24 @@ def _part(share: Share, term: Term) -> Share:
 
 
 def _remainder(problem: Problem, answer: Answer) -> Remainder:
-    judgement, comparison = answer.judgement, answer.comparison
-    shares = comparison.shares
-    least = min(shares, key=lambda name: shares[name].share, default=None)
+    """What is left, and whether a Gaussian process models it, beside the effects or, in their place, the base alone."""
+    judgement, comparison, leader = answer.judgement, answer.comparison, answer.judgement.leader.hypothesis
+    shares, found = comparison.shares, comparison.corrected
+    gp = RemainderGp(False, None, None, comparison.why_no_gp)
+    if found is not None:
+        gp = RemainderGp(True, "effects" if leader.terms and found.hypothesis == leader else "base", None)
+    remaining = (
+        depends_on(problem.simulator, comparison, comparison.left_after) if judgement.structured else ()
+    )
     return Remainder(
         judgement.structured,
-        tuple(_remaining(problem, comparison)) if judgement.structured else (),
+        tuple(remaining),
         judgement.p_value,
         None,
-        _gp(comparison, judgement.leader),
+        gp,
         None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
-        least,
+        min(shares, key=lambda name: shares[name].share, default=None),
     )
-
-
-def _gp(comparison: Comparison, leader: Fit) -> RemainderGp:
-    """Whether a Gaussian process models what is left, beside the effects or, in their place, the base alone."""
-    found = comparison.corrected
-    if found is None:
-        return RemainderGp(False, None, None, comparison.why_no_gp)
-    named = leader.hypothesis.terms and found.hypothesis == leader.hypothesis
-    return RemainderGp(True, "effects" if named else "base", None)
-
-
-def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
-    return depends_on(problem.simulator, comparison, comparison.left_after)
 
 
 def _effects(
@@ -175,15 +162,12 @@ def _effects(
     answer: Answer,
     found: Fit,
     probability: float,
-    sizes: Sizes,
+    sizes: Sequence[Mapping[str, Estimate]],
 ) -> tuple[NamedEffect, ...]:
     problem, judgement = question.everything, answer.judgement
-    if not found.hypothesis.terms:
-        return ()
-    names = [source.name for source in question.recording.sources]
     leads, out = found is judgement.leader, []
     for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
-        parameters, own = parted(known, names)
+        parameters, own = _parted(question, known)
         alone = bool(own) and not any(owner_of(name) is None for name in known)
         out.append(
             NamedEffect(
@@ -194,7 +178,7 @@ def _effects(
                 region=term.gate.region,
                 since=None if term.gate.since is None else term.gate.since + question.origin,
                 since_episode=question.episode_name(term.gate.since_episode),
-                acts_in=acts_in(problem, term) if term.gate else None,
+                acts_in=_acts_in(problem, term) if term.gate else None,
                 probability=probability,
                 odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
                 evidence_gain=judgement.gains[i] if leads else 0.0,
@@ -205,3 +189,38 @@ def _effects(
             )
         )
     return tuple(out)
+
+
+def _acts_in(problem: Problem, term: Term) -> float:
+    """The share of what was learnt from, in which the term's gate is open."""
+    windows, simulator = problem.windows, problem.simulator
+    t = windows.t[:, :-1]
+    path = windows.measured[:, :-1], windows.measured[:, 1:]
+    episode = {IN_EPISODE: np.broadcast_to(windows.episode[:, None], t.shape).astype(float)}
+    step, channels = np.diff(windows.t, axis=1), simulator.state + simulator.action
+    share = term.gate.share(path, windows.actions, t, step, channels, episode)
+    return float(share[windows.valid[:, 1:]].mean()) if windows.valid[:, 1:].any() else 0.0
+
+
+def _parted(
+    question: Question, known: Mapping[str, Estimate]
+) -> tuple[dict[str, Estimate], dict[str, dict[str, Estimate]]]:
+    """The parameters that recordings share, and recording -> its own; where none is shared, the first one's own."""
+    shared = {name: e for name, e in known.items() if owner_of(name) is None}
+    own: dict[str, dict[str, Estimate]] = {}
+    for place, source in enumerate(question.recording.sources):
+        values = {base_name(name): e for name, e in known.items() if owner_of(name) == place}
+        if values:
+            own[source.name] = values
+    return shared or dict(next(iter(own.values()), {})), own
+
+
+def _called(question: Question, found: Sequence[Combination]) -> tuple[Combination, ...]:
+    """Combinations of parameters, each of them called by the recording whose own it is."""
+    sources = question.recording.sources
+
+    def called(parameter: str) -> str:
+        owner = owner_of(parameter) if sources else None
+        return parameter if owner is None else f"{base_name(parameter)} in {sources[owner].name}"
+
+    return tuple(replace(c, of=tuple(map(called, c.of))) for c in found)

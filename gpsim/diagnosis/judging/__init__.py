@@ -2,12 +2,21 @@
 
 from gpsim.diagnosis.judging.attribution import SEED, Attribution, attribute, explained_by
 from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, probabilities_of, rivals_among
-from gpsim.diagnosis.judging.judges import RolloutJudge, judge_at
-from gpsim.diagnosis.judging.rollout_windows import rollouts_in
-from gpsim.diagnosis.judging.shares import draws
+from gpsim.diagnosis.judging.judges import (
+    HIGH,
+    LOW,
+    RolloutJudge,
+    draws,
+    horizon_of,
+    judge_at,
+    rollouts_in,
+    share_of,
+)
 from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, forms_of, verdict_of
 
 __all__ = [
+    "HIGH",
+    "LOW",
     "SEED",
     "Attribution",
     "Judgement",
@@ -20,10 +29,12 @@ __all__ = [
     "draws",
     "explained_by",
     "forms_of",
+    "horizon_of",
     "judge_at",
     "odds_against",
     "probabilities_of",
     "rivals_among",
     "rollouts_in",
+    "share_of",
     "verdict_of",
 ]
