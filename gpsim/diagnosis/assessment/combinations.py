@@ -60,14 +60,13 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
     return tuple(product for product in found if product is not None)
 
 
-Products = list[tuple[FloatArray, float]]
-"""Exponents (K,) of products, and the standard deviation of each one's logarithm."""
-
-
-def open_groups(information: FloatArray, held: BoolArray) -> list[tuple[IntArray, Products]]:
+def open_groups(
+    information: FloatArray, held: BoolArray
+) -> list[tuple[IntArray, list[tuple[FloatArray, float]]]]:
     """Groups of parameters that leave a direction open, and the products that they fix.
 
-    information: (P, P) on the logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
+    Of each product the exponents (K,) and the standard deviation of its logarithm. information: (P, P) on the
+    logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
     """
     values, vectors = np.linalg.eigh(information)
     # Of the logarithms each is as wide as its part in an open direction makes it.
@@ -160,16 +159,12 @@ def _product(
 
 def _unit(units: Sequence[str], powers: FloatArray) -> str:
     """The unit of a product, as `(N s/m) (N)^-1`; "1" where none is left."""
-    total: dict[str, float] = {}
-    for unit, power in zip(units, powers, strict=True):
-        if unit != "1":
-            total[unit] = total.get(unit, 0.0) + float(power)
-    left = {unit: power for unit, power in total.items() if power}
-    if not left:
-        return "1"
+    total = {unit: float(powers[[other == unit for other in units]].sum()) for unit in dict.fromkeys(units)}
+    left = {unit: power for unit, power in total.items() if power and unit != "1"}
     if list(left.values()) == [1.0]:
         return next(iter(left))
-    return " ".join(f"({unit})" + ("" if power == 1.0 else f"^{power:g}") for unit, power in left.items())
+    parts = (f"({unit})" + ("" if power == 1.0 else f"^{power:g}") for unit, power in left.items())
+    return " ".join(parts) or "1"
 
 
 def _with_factors_of(rivals: Sequence[Fit], leader: Hypothesis) -> Hypothesis:

@@ -26,6 +26,7 @@ from gpsim.diagnosis.assessment.rollouts import (
     MODELS,
     TINY,
     Model,
+    base_of,
     drifts,
     over_before,
     rollouts,
@@ -103,7 +104,7 @@ def compare(
 ) -> Comparison:
     """Fit what has to be fitted on training data, and judge all of it on held-out data."""
     problem, noise = question.everything, attribution.noise
-    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
+    base = base_of(question)
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
     if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
@@ -111,19 +112,16 @@ def compare(
     completions = Completions(problem, question.recording, question.hidden, after)
     steps = steps_of(question, hypotheses, completions)
     rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
-    trains = {
-        kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
-    }
-    mishaps, alone, both, beside = Mishaps(), None, None, None
+    train, mishaps, alone, both, beside = steps["before"].train, Mishaps(), None, None, None
     why: NoGp | None = NoGp("not fitted")
     rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
     with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
-        learnt = learn(problem, trains["before"], base, rng)
+        learnt = learn(problem, train, base, rng)
         rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
         alone = learnt
     with mishaps.contained("no Gaussian process on the remainder"):
         both, why, beside = _remainder(
-            question, judgement, attribution, hypotheses, trains, completions, alone, rng
+            question, judgement, attribution, hypotheses, steps, completions, alone, rng
         )
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
@@ -154,7 +152,6 @@ def compare(
             n: replace(e, black_box=rms(left[:, problem.simulator.rate.index(n)]))
             for n, e in one_step.items()
         }
-    train = steps["before"].train
     return Comparison(
         one_step=one_step,
         shares=shares,
@@ -178,7 +175,7 @@ def _remainder(
     judgement: Judgement,
     attribution: Attribution,
     hypotheses: Mapping[str, Hypothesis],
-    trains: Mapping[str, Windows],
+    steps: Mapping[str, Steps],
     completions: Completions,
     alone: Learnt | None,
     rng: np.random.Generator,
@@ -196,17 +193,20 @@ def _remainder(
         return None, NoGp("not fitted"), None
     problem = question.everything
 
-    def corrected(kind: str, learnt: Learnt) -> Corrected:
+    def corrected(kind: str, train: Windows, learnt: Learnt) -> Corrected:
         runs = whole_windows(question, completions.by(hypotheses[kind]), learnt_from=True)
-        return Corrected(hypotheses[kind], learnt, trains[kind], runs)
+        return Corrected(hypotheses[kind], learnt, train, runs)
 
-    named = bool(judgement.leader.hypothesis.terms)
-    partial = attribution.share.share < question.run.settings.verdict.nearly_all
-    beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
-    others = [corrected("before", alone)] if named and partial else []
-    chosen, errors = best(problem, [beside, *others])
-    why = why_not(problem, beside.errors(problem, modelled=False), errors)
-    return None if why else chosen, why, beside.learnt if named else None
+    beside, choices = None, []
+    if judgement.leader.hypothesis.terms:
+        train = with_a_past(question, steps["after"].train, hypotheses["after"])
+        beside = learn(problem, train, hypotheses["after"], rng)
+        choices = [corrected("after", train, beside)]
+    if not choices or attribution.share.share < question.run.settings.verdict.nearly_all:
+        choices.append(corrected("before", steps["before"].train, alone))
+    chosen, errors = best(problem, choices)
+    why = why_not(problem, choices[0].errors(problem, modelled=False), errors)
+    return None if why else chosen, why, beside
 
 
 def steps_of(

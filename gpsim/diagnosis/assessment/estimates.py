@@ -166,27 +166,17 @@ def _with_slopes(problem: Problem, fit: Fit) -> Fit:
 
 
 def _covariance(problem: Problem, fit: Fit) -> FloatArray:
-    """(P, P) of the coordinates: the larger of the model's own and that of the windows' scatter."""
+    """(P, P) of the coordinates: the largest of the model's own and of the scatter over windows and runs of them."""
     inverse = _inverse(fit.information)
-    ratio = np.ones(len(inverse))
-    for gradients in (fit.gradients, _by_runs(problem, fit.gradients)):
-        sandwich = inverse @ _scatter(gradients) @ inverse
+    ratio, order = np.ones(len(inverse)), np.lexsort((problem.windows.t[:, 0], problem.windows.episode))
+    runs = np.array_split(fit.gradients[order], min(RUNS_OF_WINDOWS, len(order)))
+    for gradients in (fit.gradients, np.array([run.sum(axis=0) for run in runs])):
+        count, size = gradients.shape
+        centred = gradients - gradients.mean(axis=0)
+        scatter = centred.T @ centred * count / max(count - size, 1)  # of a sum that vanishes
+        sandwich = inverse @ scatter @ inverse
         ratio = np.maximum(ratio, np.diag(sandwich) / np.maximum(np.diag(inverse), TINY))
     return np.asarray(inverse * np.sqrt(np.outer(ratio, ratio)))
-
-
-def _scatter(gradients: FloatArray) -> FloatArray:
-    """(P, P) of a sum of independent gradients (B, P) that vanishes."""
-    count, size = gradients.shape
-    centred = gradients - gradients.mean(axis=0)
-    return np.asarray(centred.T @ centred * count / max(count - size, 1))
-
-
-def _by_runs(problem: Problem, gradients: FloatArray) -> FloatArray:
-    """(B, P) sums of the windows' gradients (W, P) over runs of neighbours in the order of episodes and time."""
-    order = np.lexsort((problem.windows.t[:, 0], problem.windows.episode))
-    runs = min(RUNS_OF_WINDOWS, len(gradients))
-    return np.array([part.sum(axis=0) for part in np.array_split(gradients[order], runs)])
 
 
 def _inverse(information: FloatArray) -> FloatArray:
@@ -220,9 +210,8 @@ def with_model_error(
 ) -> FloatArray:
     """(P, 2): the intervals (P, 2) of one effect's values (P,), widened by a model error, within what may be.
 
-    Sizes are told from the value at which they do
-    nothing. Where something acts (a rest position) has none: it is widened as many times as the size beside it that
-    widens most.
+    Sizes are told from the value at which they do nothing. Where something acts (a rest position) has none: it is
+    widened as many times as the size beside it that widens most.
     """
     sides = np.abs(bounds - values[:, None])
     sizes = np.abs(values - np.array([p.none for p in declared]))
@@ -232,8 +221,8 @@ def with_model_error(
         own = np.maximum(sides.max(axis=1), np.finfo(float).tiny)
         times = (wide.max(axis=1) / own)[~places].max(initial=1.0)
         wide[places] = sides[places] * times
-    low, high = np.array([(p.low, p.high) for p in declared]).reshape(-1, 2).T
-    return np.stack([np.maximum(values - wide[:, 0], low), np.minimum(values + wide[:, 1], high)], axis=1)
+    low, high = (np.array([[getattr(p, end)] for p in declared]) for end in ("low", "high"))
+    return np.asarray(np.clip(values[:, None] + wide * (-1.0, 1.0), low, high))
 
 
 def stopped(value: float, *bounds: float) -> bool:

@@ -231,7 +231,7 @@ def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
 def _is_sharp(density: FloatArray, samples: FloatArray, part: BoolArray) -> bool:
     """Whether a part of the bins is as dense at its edges as within, and next to nothing lies outside."""
     level = float(np.average(density[part], weights=samples[part]))
-    for cut in np.flatnonzero(part[1:] != part[:-1]):  # between bins cut and cut + 1
+    for cut in np.flatnonzero(part[1:] != part[:-1]).tolist():  # between bins cut and cut + 1
         first = max(cut - EDGE_BINS + 1, 0) if part[cut] else cut + 1
         side = slice(first, cut + 1 if part[cut] else first + EDGE_BINS)
         if density[side][part[side]].mean() < SHARP_EDGE * level:

@@ -36,6 +36,11 @@ class Model:
     extra: Extra | None = None
 
 
+def base_of(question: Question) -> Hypothesis:
+    """The base simulator with its own step."""
+    return Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+
+
 def drifts(
     question: Question,
     models: Mapping[str, Model],

@@ -15,7 +15,7 @@ from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant, Features, GpCorrection
 from gpsim.diagnosis.assessment.comparison import Steps, shown_rates, steps_of
 from gpsim.diagnosis.assessment.remainder_gp import measured_rates, residual_rates
-from gpsim.diagnosis.assessment.rollouts import Model, over_before, rolled, whole_windows
+from gpsim.diagnosis.assessment.rollouts import Model, base_of, over_before, rolled, whole_windows
 from gpsim.diagnosis.data import Windows, at, rms
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import (
@@ -116,21 +116,17 @@ def posed(
     """The whole recording as a question, and the models as hypotheses."""
     whole = replace(recording, held_out=HeldOut(share=0.0))
     question = prepare(whole, corrected.simulator, corrected.parameters, run)
-    finer = max(question.everything.substeps, corrected.substeps * question.thinned)
-    if closed(corrected.simulator) is not None:  # in steps that are exact enough
-        finer = question.everything.substeps
-    problem = replace(question.everything, substeps=finer)
-    question = replace(question, everything=problem)
-    base = _base(question)
+    problem = question.everything
+    if closed(corrected.simulator) is None:  # else in steps that are exact enough
+        problem = replace(problem, substeps=max(problem.substeps, corrected.substeps * question.thinned))
+    question, base = replace(question, everything=problem), base_of(question)
     models = {"before": Model(base), "after": Model(_hypothesis(corrected, base))}
-    why = "the diagnosis has none" if with_gp is None else ""
-    if with_gp is not None:
-        why, extra = "", _process(with_gp, problem)
-        if extra is None:
-            why = "it needs channels that this recording does not show"
-        else:
-            models["after_gp"] = Model(_hypothesis(with_gp, base), extra)
-    return Judged(question, models, why)
+    if with_gp is None:
+        return Judged(question, models, "the diagnosis has none")
+    extra = _process(with_gp, problem)
+    if extra is None:
+        return Judged(question, models, "it needs channels that this recording does not show")
+    return Judged(question, {**models, "after_gp": Model(_hypothesis(with_gp, base), extra)}, "")
 
 
 def _hypothesis(plant: EffectsPlant, base: Hypothesis) -> Hypothesis:
@@ -210,7 +206,7 @@ def by_recording(
     parts = apart(question.recording)
     if len(parts) < 2:
         return None
-    leader, base = judgement.leader.hypothesis, _base(question)
+    leader, base = judgement.leader.hypothesis, base_of(question)
     completions = Completions(question.everything, question.recording, question.hidden, leader)
     models = {"before": base, "after": leader if leader.terms else base}
     windows = {kind: whole_windows(question, completions.by(model)) for kind, model in models.items()}
@@ -250,10 +246,6 @@ def _explained_of(question: Question, attribution: Attribution, place: int) -> S
     return part.share(part.overall(attribution.squares[rows])) if part.counts.any() else None
 
 
-def _base(question: Question) -> Hypothesis:
-    return Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
-
-
 def _errors(
     question: Question, models: Mapping[str, Hypothesis], windows: Mapping[str, Windows]
 ) -> dict[str, EndErrors]:
@@ -289,7 +281,7 @@ def _from_others(
         return None
     there = judge_at(question, learnt, judgement.null, attribution.noise, rng, places)
     share = there.mismatch.share(there.mismatch.overall(there.squares([[learnt.hypothesis]])[0]))
-    models = {"before": _base(question), "after": learnt.hypothesis}
+    models = {"before": base_of(question), "after": learnt.hypothesis}
     windows = dict.fromkeys(models, there.windows)
     return FromOthers(
         explained=share if there.mismatch.counts.any() else None,
