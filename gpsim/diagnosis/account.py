@@ -64,18 +64,24 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
-    remainder = _remainder(problem, answer)
+    remainder, box = _remainder(problem, answer), comparison.black_box
+    if box is not None:  # a Gaussian process makes its guess of what what is left depends on
+        box = replace(box, depends_on=remainder.depends_on)
+    held_out, left = tuple(held_out_names(question.recording)), 1.0 - attribution.share.share
     brought = origins(t.family for fit in (leader, *judgement.rivals) for t in fit.hypothesis.terms)
-    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer)
+    effects = _effects(question, answer, leader, judgement.probabilities[0], answer.sizes)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
         doubts=answer.doubts,
         effects=effects,
-        alternatives=tuple(_rival(question, answer, i) for i in range(len(judgement.rivals))),
+        alternatives=tuple(
+            Alternative(_effects(question, answer, rival, p, estimates(question, rival, left)), p)
+            for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
+        ),
         tell_apart=None,
         discrimination=tell_apart(problem, judgement) if rivalled else None,
-        fit=_fit(question, comparison, remainder.depends_on),
+        fit=HeldOutFit(held_out, comparison.one_step, comparison.rollout, box),
         remainder=remainder,
         integration=leader.hypothesis.scheme,
         tuned=comparison.tuned,
@@ -90,50 +96,6 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         recordings=by_recording(question, judgement, attribution, effects),
         brought={f: BroughtFrom(of["reference"], of["sha256"]) for f, of in brought.items()} or None,
     ).settled()
-
-
-def _rival(question: Question, answer: Answer, index: int) -> Alternative:
-    judgement = answer.judgement
-    found, probability = judgement.rivals[index], judgement.probabilities[1 + index]
-    sizes = estimates(question, found, 1.0 - answer.attribution.share.share)
-    effects = _effects(question, answer, found, probability, sizes)
-    told = zip(effects, found.hypothesis.terms, strict=True)
-    return Alternative(
-        tuple(replace(effect, on=on) for effect, term in told for on in term.places), probability
-    )
-
-
-def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...]) -> HeldOutFit:
-    """Held-out errors. remaining: on what what is left depends, of which a Gaussian process makes its guess."""
-    box = comparison.black_box
-    if box is not None and not box.depends_on:
-        box = replace(box, depends_on=remaining)
-    held_out = tuple(held_out_names(question.recording))
-    return HeldOutFit(held_out, comparison.one_step, comparison.rollout, box)
-
-
-def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
-    """The effects with what they are worth."""
-    worth, terms = answer.attribution, answer.judgement.leader.hypothesis.terms
-    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.forms, terms, strict=True)
-    return tuple(
-        replace(
-            effect,
-            on=on,
-            importance=_part(importance, term),
-            needed=_part(needed, term),
-            role=role,
-            form=form,
-        )
-        for effect, importance, needed, role, form, term in parts
-        for on in term.places
-    )
-
-
-def _part(share: Share, term: Term) -> Share:
-    """What one of the places on which a term acts alike is worth."""
-    low, high = (None if edge is None else edge / len(term.places) for edge in (share.low, share.high))
-    return replace(share, share=share.share / len(term.places), low=low, high=high)
 
 
 def _remainder(problem: Problem, answer: Answer) -> Remainder:
@@ -164,31 +126,47 @@ def _effects(
     probability: float,
     sizes: Sequence[Mapping[str, Estimate]],
 ) -> tuple[NamedEffect, ...]:
-    problem, judgement = question.everything, answer.judgement
-    leads, out = found is judgement.leader, []
+    """The effects of an explanation, on every place on which they act alike; the leader's with what they are worth."""
+    problem, judgement, worth = question.everything, answer.judgement, answer.attribution
+    out: list[NamedEffect] = []
     for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
         parameters, own = _parted(question, known)
         alone = bool(own) and not any(owner_of(name) is None for name in known)
-        out.append(
-            NamedEffect(
-                family=term.family,
-                on=term.on,
-                site=term.effect.site,
-                parameters=parameters,
-                region=term.gate.region,
-                since=None if term.gate.since is None else term.gate.since + question.origin,
-                since_episode=question.episode_name(term.gate.since_episode),
-                acts_in=_acts_in(problem, term) if term.gate else None,
-                probability=probability,
-                odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
-                evidence_gain=judgement.gains[i] if leads else 0.0,
-                explains=answer.attribution.importance[i].share if leads else 0.0,
-                recordings=tuple(own) if alone else None,
-                own=own or None,
-                curve=answer.curves.get((term.family, term.on, term.variant)),
-            )
+        effect = NamedEffect(
+            family=term.family,
+            on=term.on,
+            site=term.effect.site,
+            parameters=parameters,
+            region=term.gate.region,
+            since=None if term.gate.since is None else term.gate.since + question.origin,
+            since_episode=question.episode_name(term.gate.since_episode),
+            acts_in=_acts_in(problem, term) if term.gate else None,
+            probability=probability,
+            odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
+            evidence_gain=0.0,
+            explains=0.0,
+            recordings=tuple(own) if alone else None,
+            own=own or None,
+            curve=answer.curves.get((term.family, term.on, term.variant)),
         )
+        if found is judgement.leader:
+            effect = replace(
+                effect,
+                evidence_gain=judgement.gains[i],
+                explains=worth.importance[i].share,
+                importance=_part(worth.importance[i], term),
+                needed=_part(worth.needed[i], term),
+                role=worth.roles[i],
+                form=answer.forms[i],
+            )
+        out += [replace(effect, on=on) for on in term.places]
     return tuple(out)
+
+
+def _part(share: Share, term: Term) -> Share:
+    """What one of the places on which a term acts alike is worth."""
+    low, high = (None if edge is None else edge / len(term.places) for edge in (share.low, share.high))
+    return replace(share, share=share.share / len(term.places), low=low, high=high)
 
 
 def _acts_in(problem: Problem, term: Term) -> float:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -103,27 +102,20 @@ class Corrected:
     train: Windows
     runs: Windows
 
-    @cached_property
-    def rest(self) -> Windows:
-        """The transitions that the process did not learn from."""
-        return self.train.take(~self.learnt.rows)
-
     def errors(self, problem: Problem, modelled: bool) -> FloatArray:
         """(R + S,) root mean squares of rates one step ahead and of channels after a rollout, with and without it.
 
         Those of channels that nobody measured, and where there are no data, are 1.
         """
-        rates, rest = np.ones(len(problem.simulator.rate)), self.rest
+        rates, rest = np.ones(len(problem.simulator.rate)), self.train.take(~self.learnt.rows)
         if len(rest):
             alone = residual_rates(problem, rest, self.hypothesis)
             both = left_with(problem, rest, self.hypothesis, alone, self.learnt) if modelled else alone
             rates = _of_columns(both)
         channels = np.ones(len(problem.observed))
         if len(self.runs):
-            drift = rolled(
-                problem, self.runs, Model(self.hypothesis, self.learnt.rates if modelled else None)
-            )
-            channels = np.where(problem.observed, _of_columns(drift), 1.0)
+            model = Model(self.hypothesis, self.learnt.rates if modelled else None)
+            channels = np.where(problem.observed, _of_columns(rolled(problem, self.runs, model)), 1.0)
         return np.concatenate([rates, channels])
 
 

@@ -150,7 +150,7 @@ class RolloutWindows:
 
 
 def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
-    """Held-out ones; of the whole recording, in folds, where they make too few blocks.
+    """Held-out ones; where they make too few blocks those of the whole recording, in folds of neighbouring blocks.
 
     lead: transitions before each, from which an account says where it begins; 0: in the measured state.
     """
@@ -159,13 +159,15 @@ def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
     found = _cut(question, out or every, lead)
     if out and found.blocks >= FEWEST_BLOCKS:
         return found
-    return _in_folds(_cut(question, every, lead))
+    found = _cut(question, every, lead)
+    fold = found.block * min(FOLDS, max(found.blocks, 1)) // max(found.blocks, 1)
+    return replace(found, fold=fold, judged_on="cross-fitted rollouts")
 
 
 def rollouts_in(question: Question, source: int, lead: int = 0) -> RolloutWindows:
     """Those of all of one of several recordings, for an account that was learnt from the others."""
-    recording = question.recording
-    parts = [s for s in stretches(recording) if recording.episodes[s[0]].source == source]
+    episodes = question.recording.episodes
+    parts = [s for s in stretches(question.recording) if episodes[s[0]].source == source]
     return _cut(question, parts, lead)
 
 
@@ -196,14 +198,7 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
     rows = evenly(len(starts), JUDGED_ROLLOUTS_OF_A_ROBOT if dear else question.run.settings.rollouts.most)
     _, blocks = np.unique(np.array(block, dtype=np.int64)[rows], return_inverse=True)
     places, fold = tuple(starts[i] for i in rows), np.zeros(len(rows), np.int64)
-    return RolloutWindows(places, lead, length, blocks.reshape(-1), fold, "held-out rollouts")
-
-
-def _in_folds(found: RolloutWindows) -> RolloutWindows:
-    """The same in as many parts of neighbouring blocks as are to be left out in turn."""
-    count = min(FOLDS, max(found.blocks, 1))
-    fold = found.block * count // max(found.blocks, 1)
-    return replace(found, fold=fold, judged_on="cross-fitted rollouts")
+    return RolloutWindows(places, lead, length, blocks, fold, "held-out rollouts")
 
 
 class Judge(Protocol):
@@ -330,9 +325,7 @@ def sensor_noise(question: Question, leader: Fit) -> FloatArray:
     problem = question.everything
     names = problem.simulator.state.names
     stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
-    said = predicted(problem, problem.windows, leader.hypothesis) if not len(leader.starts) else None
-    residual = leader.residuals if said is None else problem.windows.measured - said
-    second, counted = np.diff(residual, n=2, axis=1) / np.sqrt(6.0), problem.counted
+    second, counted = np.diff(leader.residuals, n=2, axis=1) / np.sqrt(6.0), problem.counted
     sound = counted[:, 2:] & counted[:, 1:-1] & counted[:, :-2]
     columns = [second[..., i][sound[..., i]] for i in range(len(names))]
     # Of a quantised channel the median may be 0.
