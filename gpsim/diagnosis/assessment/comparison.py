@@ -31,6 +31,7 @@ from gpsim.diagnosis.assessment.rollouts import (
     over_before,
     rollouts,
     share_explained,
+    shown_channels,
     whole_windows,
 )
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
@@ -142,8 +143,7 @@ def compare(
     measured = measured_rates(problem, steps["after"].test)
     one_step, shares = _one_step(question, rates, measured, rng), _step_shares(question, rates, rng)
     drifted = drifts(question, models, noise, rng, completions)
-    seen = np.array([name not in question.hidden for name in problem.simulator.state.names])
-    box = black_box(boxes, drifted, seen)
+    box = black_box(boxes, drifted, [i for i, _ in shown_channels(question)])
     name = None if box is None else boxes[box.model]
     if box is not None and name is not None:
         test = steps["before" if box.model == "gp" else "after"].test

@@ -187,19 +187,20 @@ def measured_rates(problem: Problem, windows: Windows) -> FloatArray:
 
 
 def black_box(
-    boxes: Mapping[BoxKind, str], errors: Mapping[str, FloatArray], seen: BoolArray
+    boxes: Mapping[BoxKind, str], errors: Mapping[str, FloatArray], seen: Sequence[int]
 ) -> BlackBox | None:
     """Which model that names nothing takes most off the account's error; None where that error does not stand out.
 
     boxes: what each of them is called in `errors`, which are (W, S) at the ends of held-out rollouts, also of `before`,
-    `after` and `noise_floor`; seen: (S,) channels that were measured.
+    `after` and `noise_floor`; seen: the columns of channels that were measured.
     """
     if not boxes or not errors:
         return None
     # Of a simulation that ran away a number still.
     squares = {kind: np.minimum(np.nan_to_num(np.abs(e), nan=FAR), FAR) ** 2 for kind, e in errors.items()}
     after, floor, before = (squares[kind].mean(axis=0) for kind in ("after", "noise_floor", "before"))
-    counts = seen & (after > STANDS_OUT**2 * floor) & (after > TRIFLE**2 * before)
+    counts = (after > STANDS_OUT**2 * floor) & (after > TRIFLE**2 * before)
+    counts &= np.isin(np.arange(len(counts)), seen)
     if not counts.any():
         return None
     rows = len(squares["after"])

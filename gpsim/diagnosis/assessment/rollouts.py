@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.channels import Channel, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import HIGH, LOW, horizon_of, share_of
@@ -79,19 +79,24 @@ def rollouts(
     not move.
     """
     out: dict[str, RolloutErrors] = {}
-    for i, channel in enumerate(question.everything.simulator.state):
-        if channel.name not in question.hidden and errors:
-            own = {kind: errors[kind][:, i] for kind in (*MODELS, "noise_floor")}
-            over = OverBefore(**over_before({kind: own[kind] for kind in MODELS}, rng, correlated=False))
-            out[channel.name] = RolloutErrors(
-                **{kind: rms(e) for kind, e in own.items()},
-                unit=channel.unit,
-                typical=RolloutModelErrors(**{kind: typical(e) for kind, e in own.items()}),
-                over_before=over,
-                after_over_before=over.after,
-                black_box=None if box is None else rms(errors[box][:, i]),
-            )
+    for i, channel in shown_channels(question) if errors else ():
+        own = {kind: errors[kind][:, i] for kind in (*MODELS, "noise_floor")}
+        over = OverBefore(**over_before({kind: own[kind] for kind in MODELS}, rng, correlated=False))
+        out[channel.name] = RolloutErrors(
+            **{kind: rms(e) for kind, e in own.items()},
+            unit=channel.unit,
+            typical=RolloutModelErrors(**{kind: typical(e) for kind, e in own.items()}),
+            over_before=over,
+            after_over_before=over.after,
+            black_box=None if box is None else rms(errors[box][:, i]),
+        )
     return Rollout(_length(question) * question.recording.dt, out)
+
+
+def shown_channels(question: Question) -> list[tuple[int, Channel]]:
+    """Which channels were measured, by their columns."""
+    state = enumerate(question.everything.simulator.state)
+    return [(i, channel) for i, channel in state if channel.name not in question.hidden]
 
 
 def _ends(problem: Problem, windows: Windows, model: Model) -> FloatArray:

@@ -11,11 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import Channel, FloatArray
 from gpsim.corrected import EffectsPlant, Features, GpCorrection
-from gpsim.diagnosis.assessment.comparison import Steps, shown_rates, steps_of
+from gpsim.diagnosis.assessment.comparison import shown_rates, steps_of
 from gpsim.diagnosis.assessment.remainder_gp import measured_rates, residual_rates
-from gpsim.diagnosis.assessment.rollouts import Model, base_of, over_before, rolled, whole_windows
+from gpsim.diagnosis.assessment.rollouts import (
+    Model,
+    base_of,
+    over_before,
+    rolled,
+    shown_channels,
+    whole_windows,
+)
 from gpsim.diagnosis.data import Windows, at, rms
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import (
@@ -35,7 +42,6 @@ from gpsim.diagnosis.report import (
     NamedEffect,
     OneRecording,
     OwnValues,
-    Ratio,
     Score,
     Scored,
     Share,
@@ -77,28 +83,53 @@ def score(
     question, problem = judged.question, judged.question.everything
     hypotheses = {kind: model.hypothesis for kind, model in judged.models.items()}
     completions = Completions(problem, question.recording, question.hidden, hypotheses["after"])
-    one_step, steps = _one_step(judged, steps_of(question, hypotheses, completions), rng)
+    steps = steps_of(question, hypotheses, completions)
+    left = {
+        kind: residual_rates(problem, steps[kind].test, model.hypothesis, model.extra)
+        for kind, model in judged.models.items()
+    }
+    rates = measured_rates(problem, steps["after"].test)
+    one_step = _scored(left, shown_rates(question), rates, rng, correlated=True)
     runs = {kind: whole_windows(question, completions.by(h)) for kind, h in hypotheses.items()}
     count, rollout = len(runs["before"]), {}
     if count:
         ends = {kind: rolled(problem, runs[kind], model) for kind, model in judged.models.items()}
-        for i, channel in enumerate(problem.simulator.state):
-            if channel.name not in question.hidden:
-                errors = {kind: drift[:, i] for kind, drift in ends.items()}
-                spread = float(np.std(runs["before"].measured[:, -1, i]))
-                over = over_before(errors, rng, correlated=False)["after"]
-                rollout[channel.name] = _scored(errors, channel.unit, spread, over)
+        measured = runs["before"].measured[:, -1]
+        rollout = _scored(ends, shown_channels(question), measured, rng, correlated=False)
     return Score(
         one_step=one_step,
         rollout=rollout,
         horizon_s=runs["before"].length * question.recording.dt if count else 0.0,
         transitions=question.recording.transition_count,
-        steps=steps,
+        steps=len(rates),
         rollouts=count,
         thinned=question.thinned,
         explained=_explained(question, hypotheses["before"], hypotheses["after"]),
         without_gp=judged.without_gp,
     )
+
+
+def _scored(
+    errors: Mapping[str, FloatArray],
+    shown: Sequence[tuple[int, Channel]],
+    measured: FloatArray,
+    rng: np.random.Generator,
+    *,
+    correlated: bool,
+) -> dict[str, Scored]:
+    """Of the columns that are shown. errors: (N, C) of each model; measured: (N, C); correlated: see `over_before`."""
+    out = {}
+    for i, channel in shown:
+        own = {kind: e[:, i] for kind, e in errors.items()}
+        out[channel.name] = Scored(
+            unit=channel.unit,
+            before=rms(own["before"]),
+            after=rms(own["after"]),
+            after_gp=rms(own["after_gp"]) if "after_gp" in own else None,
+            spread=float(measured[:, i].std()),
+            over_before=over_before(own, rng, correlated=correlated)["after"],
+        )
+    return out
 
 
 def _explained(question: Question, base: Hypothesis, after: Hypothesis) -> Explained | None:
@@ -149,35 +180,6 @@ def _process(plant: EffectsPlant, problem: Problem) -> Extra | None:
         return correction.predictor.mean(features(np.hstack([state, action])))
 
     return rates
-
-
-def _one_step(
-    judged: Judged, steps: Mapping[str, Steps], rng: np.random.Generator
-) -> tuple[dict[str, Scored], int]:
-    """Errors of every rate that was measured, and how many transitions were looked at."""
-    problem, out = judged.question.everything, {}
-    left = {
-        kind: residual_rates(problem, steps[kind].test, model.hypothesis, model.extra)
-        for kind, model in judged.models.items()
-    }
-    measured = measured_rates(problem, steps["after"].test)
-    for i, channel in shown_rates(judged.question):
-        errors = {kind: rates[:, i] for kind, rates in left.items()}
-        over = over_before(errors, rng)["after"]
-        out[channel.name] = _scored(errors, channel.unit, float(measured[:, i].std()), over)
-    return out, len(measured)
-
-
-def _scored(errors: Mapping[str, FloatArray], unit: str, spread: float, over: Ratio) -> Scored:
-    sizes = {kind: rms(e) for kind, e in errors.items()}
-    return Scored(
-        unit=unit,
-        before=sizes["before"],
-        after=sizes["after"],
-        after_gp=sizes.get("after_gp"),
-        spread=spread,
-        over_before=over,
-    )
 
 
 def replayed(
@@ -255,11 +257,8 @@ def _errors(
         return {}
     ends = {kind: rolled(problem, windows[kind], Model(model)) for kind, model in models.items()}
     return {
-        channel.name: EndErrors(
-            **{kind: rms(errors[:, i]) for kind, errors in ends.items()}, unit=channel.unit
-        )
-        for i, channel in enumerate(problem.simulator.state)
-        if channel.name not in question.hidden
+        channel.name: EndErrors(**{kind: rms(e[:, i]) for kind, e in ends.items()}, unit=channel.unit)
+        for i, channel in shown_channels(question)
     }
 
 
