@@ -215,20 +215,15 @@ def steps_of(
     """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
-    if question.hidden:
-        by = {kind: completions.by(h) for kind, h in hypotheses.items()}
-        found = {
-            key: single_steps(problem, done, past) for key, done in {id(r): r for r in by.values()}.items()
-        }
-        return {kind: found[id(done)] for kind, done in by.items()}
-    steps, made_by = single_steps(problem, recording, past), filters(recording, problem.simulator)
-    if not made_by:
-        return dict.fromkeys(hypotheses, steps)
+    whole = {kind: completions.by(h) for kind, h in hypotheses.items()}
+    found = {key: single_steps(problem, r, past) for key, r in {id(r): r for r in whole.values()}.items()}
+    made_by = () if question.hidden else filters(recording, problem.simulator)
     out: dict[str, Steps] = {}
     for kind, h in hypotheses.items():
-        same = next((k for k in out if hypotheses[k] == h), None)
-        parts = (undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test))
-        out[kind] = out[same] if same else Steps(*parts)
+        steps, same = found[id(whole[kind])], next((out[k] for k in out if hypotheses[k] == h), None)
+        if made_by and same is None:
+            steps = Steps(*(undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test)))
+        out[kind] = same or steps
     return out
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from gpsim.channels import Channel, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
-from gpsim.diagnosis.judging import HIGH, LOW, horizon_of, share_of
+from gpsim.diagnosis.judging import horizon_of, interval_of, share_of
 from gpsim.diagnosis.report import Kind, OverBefore, Ratio, Rollout, RolloutErrors, RolloutModelErrors, Share
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
@@ -146,10 +146,8 @@ def over_before(
     base, out = sums.pop("before"), {}
     for kind, own in sums.items():
         ratios = np.sqrt(own[drawn].sum(axis=1) / np.maximum(base[drawn].sum(axis=1), TINY))
-        low, high = np.quantile(ratios, [LOW, HIGH])
-        known = len(base) >= FEWEST_BLOCKS and bool(np.isfinite(high))
         value = rms(errors[kind]) / max(rms(errors["before"]), TINY)
-        out[kind] = Ratio(value, float(low) if known else None, float(high) if known else None)
+        out[kind] = Ratio(value, *interval_of(ratios, len(base) >= FEWEST_BLOCKS))
     return out
 
 

@@ -3,11 +3,10 @@
 from gpsim.diagnosis.judging.attribution import SEED, Attribution, attribute, explained_by
 from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, probabilities_of, rivals_among
 from gpsim.diagnosis.judging.judges import (
-    HIGH,
-    LOW,
     RolloutJudge,
     draws,
     horizon_of,
+    interval_of,
     judge_at,
     rollouts_in,
     share_of,
@@ -15,8 +14,6 @@ from gpsim.diagnosis.judging.judges import (
 from gpsim.diagnosis.judging.verdict import beats_the_base, claimed, doubts_of, forms_of, verdict_of
 
 __all__ = [
-    "HIGH",
-    "LOW",
     "SEED",
     "Attribution",
     "Judgement",
@@ -30,6 +27,7 @@ __all__ = [
     "explained_by",
     "forms_of",
     "horizon_of",
+    "interval_of",
     "judge_at",
     "odds_against",
     "probabilities_of",

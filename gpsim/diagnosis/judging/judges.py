@@ -111,8 +111,13 @@ class Mismatch:
 
 def share_of(values: FloatArray, known: bool) -> Share:
     """Of (1 + D,) values, that of all data and those of the draws; known: whether these make an interval."""
-    low, high = np.quantile(values[1:], [LOW, HIGH])
-    return Share(float(values[0]), float(low) if known else None, float(high) if known else None)
+    return Share(float(values[0]), *interval_of(values[1:], known))
+
+
+def interval_of(drawn: FloatArray, known: bool) -> tuple[float, float] | tuple[None, None]:
+    """The interval of (D,) values, none where it is not `known` or not finite."""
+    low, high = np.quantile(drawn, [LOW, HIGH])
+    return (float(low), float(high)) if known and np.isfinite(high) else (None, None)
 
 
 def draws(blocks: int, count: int, rng: np.random.Generator) -> FloatArray:
