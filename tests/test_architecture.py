@@ -33,7 +33,6 @@ LEVELS = [
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
     {"diagnosis.kinematics"},
-    {"diagnosis.own"},
     {"diagnosis.data", "diagnosis.run", "diagnosis.report"},
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},

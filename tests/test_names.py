@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -19,7 +18,7 @@ from rich.console import Console
 from gpsim.channels import Channels, columns_beside
 from gpsim.corrected.features import Feature, Features
 from gpsim.diagnosis.assessment import location as locating
-from gpsim.diagnosis.assessment.concentration import concentrated
+from gpsim.diagnosis.assessment.location import concentrated
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.judging import Tried
 from gpsim.effects import Gate, Term, effect_of
@@ -217,7 +216,7 @@ def test_a_channel_called_as_an_age_is_told_as_a_channel():
     part = concentrated({name: values}, squares, 1e-3)
     age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
     assert (part.age, age.age) == (False, True)
-    entries = [replace(part.of("r"), is_channel=True), age.of("r")]
+    entries = [part.of("r"), age.of("r")]
     said = [_part(made_diagnosis(location=made_location(concentrated=entry))) for entry in entries]
     assert f"inside {name} = [" in said[0]
     assert "s of a reversal of F" in said[1]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from gpsim.diagnosis.assessment import (
     Comparison,
-    Sizes,
-    acts_in,
     by_recording,
     combinations,
     depends_on,
@@ -18,12 +18,13 @@ from gpsim.diagnosis.assessment import (
 )
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
-from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     BroughtFrom,
+    Combination,
     Diagnosis,
     Doubt,
+    Estimate,
     Form,
     HeldOutFit,
     MeasuredCurve,
@@ -34,7 +35,7 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import Term, origins, owner_of
+from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
 from gpsim.residuals import held_out_names
 
 MOST_TOLD = 60  # hypotheses of the ranking
@@ -53,7 +54,7 @@ class Answer:
     attribution: Attribution
     comparison: Comparison
     forms: tuple[Form, ...]
-    sizes: Sizes
+    sizes: tuple[Mapping[str, Estimate], ...]
     doubts: tuple[Doubt, ...]
     curves: Mapping[tuple[str, str, str], MeasuredCurve] = field(default_factory=dict)
 
@@ -63,18 +64,24 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
-    remainder = _remainder(problem, answer)
-    names = [source.name for source in question.recording.sources]
-    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer)
+    remainder, box = _remainder(problem, answer), comparison.black_box
+    if box is not None:  # a Gaussian process makes its guess of what what is left depends on
+        box = replace(box, depends_on=remainder.depends_on)
+    held_out, left = tuple(held_out_names(question.recording)), 1.0 - attribution.share.share
+    brought = origins(t.family for fit in (leader, *judgement.rivals) for t in fit.hypothesis.terms)
+    effects = _effects(question, answer, leader, judgement.probabilities[0], answer.sizes)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
         doubts=answer.doubts,
         effects=effects,
-        alternatives=tuple(_rival(question, answer, i) for i in range(len(judgement.rivals))),
+        alternatives=tuple(
+            Alternative(_effects(question, answer, rival, p, estimates(question, rival, left)), p)
+            for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
+        ),
         tell_apart=None,
         discrimination=tell_apart(problem, judgement) if rivalled else None,
-        fit=_fit(question, comparison, remainder.depends_on),
+        fit=HeldOutFit(held_out, comparison.one_step, comparison.rollout, box),
         remainder=remainder,
         integration=leader.hypothesis.scheme,
         tuned=comparison.tuned,
@@ -83,57 +90,77 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
         not_asked=not_asked(question),
-        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
+        combinations=_called(question, combinations(problem, leader, judgement.rivals)),
         ranking=tuple(tried.entry for tried in judgement.ranking[:MOST_TOLD]),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
-        brought=_brought(judgement),
+        brought={f: BroughtFrom(of["reference"], of["sha256"]) for f, of in brought.items()} or None,
     ).settled()
 
 
-def _brought(judgement: Judgement) -> dict[str, BroughtFrom] | None:
-    """Where the families of the account and its rivals are from that a user brought."""
-    told = (judgement.leader, *judgement.rivals)
-    found = origins(term.family for fit in told for term in fit.hypothesis.terms)
-    return {family: BroughtFrom(of["reference"], of["sha256"]) for family, of in found.items()} or None
-
-
-def _rival(question: Question, answer: Answer, index: int) -> Alternative:
-    judgement = answer.judgement
-    found, probability = judgement.rivals[index], judgement.probabilities[1 + index]
-    sizes = estimates(question, found, 1.0 - answer.attribution.share.share)
-    effects = _effects(question, answer, found, probability, sizes)
-    told = zip(effects, found.hypothesis.terms, strict=True)
-    return Alternative(
-        tuple(replace(effect, on=on) for effect, term in told for on in term.places), probability
+def _remainder(problem: Problem, answer: Answer) -> Remainder:
+    """What is left, and whether a Gaussian process models it, beside the effects or, in their place, the base alone."""
+    judgement, comparison, leader = answer.judgement, answer.comparison, answer.judgement.leader.hypothesis
+    shares, found = comparison.shares, comparison.corrected
+    gp = RemainderGp(False, None, None, comparison.why_no_gp)
+    if found is not None:
+        gp = RemainderGp(True, "effects" if leader.terms and found.hypothesis == leader else "base", None)
+    remaining = (
+        depends_on(problem.simulator, comparison, comparison.left_after) if judgement.structured else ()
+    )
+    return Remainder(
+        judgement.structured,
+        tuple(remaining),
+        judgement.p_value,
+        None,
+        gp,
+        None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
+        min(shares, key=lambda name: shares[name].share, default=None),
     )
 
 
-def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...]) -> HeldOutFit:
-    """Held-out errors. remaining: on what what is left depends, of which a Gaussian process makes its guess."""
-    box = comparison.black_box
-    if box is not None and not box.depends_on:
-        box = replace(box, depends_on=remaining)
-    held_out = tuple(held_out_names(question.recording))
-    return HeldOutFit(held_out, comparison.one_step, comparison.rollout, box)
-
-
-def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
-    """The effects with what they are worth."""
-    worth, terms = answer.attribution, answer.judgement.leader.hypothesis.terms
-    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.forms, terms, strict=True)
-    return tuple(
-        replace(
-            effect,
-            on=on,
-            importance=_part(importance, term),
-            needed=_part(needed, term),
-            role=role,
-            form=form,
+def _effects(
+    question: Question,
+    answer: Answer,
+    found: Fit,
+    probability: float,
+    sizes: Sequence[Mapping[str, Estimate]],
+) -> tuple[NamedEffect, ...]:
+    """The effects of an explanation, on every place on which they act alike; the leader's with what they are worth."""
+    problem, judgement, worth = question.everything, answer.judgement, answer.attribution
+    out: list[NamedEffect] = []
+    for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
+        parameters, own = _parted(question, known)
+        alone = bool(own) and not any(owner_of(name) is None for name in known)
+        effect = NamedEffect(
+            family=term.family,
+            on=term.on,
+            site=term.effect.site,
+            parameters=parameters,
+            region=term.gate.region,
+            since=None if term.gate.since is None else term.gate.since + question.origin,
+            since_episode=question.episode_name(term.gate.since_episode),
+            acts_in=_acts_in(problem, term) if term.gate else None,
+            probability=probability,
+            odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
+            evidence_gain=0.0,
+            explains=0.0,
+            recordings=tuple(own) if alone else None,
+            own=own or None,
+            curve=answer.curves.get((term.family, term.on, term.variant)),
         )
-        for effect, importance, needed, role, form, term in parts
-        for on in term.places
-    )
+        if found is judgement.leader:
+            effect = replace(
+                effect,
+                evidence_gain=judgement.gains[i],
+                explains=worth.importance[i].share,
+                importance=_part(worth.importance[i], term),
+                needed=_part(worth.needed[i], term),
+                role=worth.roles[i],
+                form=answer.forms[i],
+            )
+        out += [replace(effect, on=on) for on in term.places]
+    return tuple(out)
 
 
 def _part(share: Share, term: Term) -> Share:
@@ -142,66 +169,36 @@ def _part(share: Share, term: Term) -> Share:
     return replace(share, share=share.share / len(term.places), low=low, high=high)
 
 
-def _remainder(problem: Problem, answer: Answer) -> Remainder:
-    judgement, comparison = answer.judgement, answer.comparison
-    shares = comparison.shares
-    least = min(shares, key=lambda name: shares[name].share, default=None)
-    return Remainder(
-        judgement.structured,
-        tuple(_remaining(problem, comparison)) if judgement.structured else (),
-        judgement.p_value,
-        None,
-        _gp(comparison, judgement.leader),
-        None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
-        least,
-    )
+def _acts_in(problem: Problem, term: Term) -> float:
+    """The share of what was learnt from, in which the term's gate is open."""
+    windows, simulator = problem.windows, problem.simulator
+    t = windows.t[:, :-1]
+    path = windows.measured[:, :-1], windows.measured[:, 1:]
+    episode = {IN_EPISODE: np.broadcast_to(windows.episode[:, None], t.shape).astype(float)}
+    step, channels = np.diff(windows.t, axis=1), simulator.state + simulator.action
+    share = term.gate.share(path, windows.actions, t, step, channels, episode)
+    return float(share[windows.valid[:, 1:]].mean()) if windows.valid[:, 1:].any() else 0.0
 
 
-def _gp(comparison: Comparison, leader: Fit) -> RemainderGp:
-    """Whether a Gaussian process models what is left, beside the effects or, in their place, the base alone."""
-    found = comparison.corrected
-    if found is None:
-        return RemainderGp(False, None, None, comparison.why_no_gp)
-    named = leader.hypothesis.terms and found.hypothesis == leader.hypothesis
-    return RemainderGp(True, "effects" if named else "base", None)
+def _parted(
+    question: Question, known: Mapping[str, Estimate]
+) -> tuple[dict[str, Estimate], dict[str, dict[str, Estimate]]]:
+    """The parameters that recordings share, and recording -> its own; where none is shared, the first one's own."""
+    shared = {name: e for name, e in known.items() if owner_of(name) is None}
+    own: dict[str, dict[str, Estimate]] = {}
+    for place, source in enumerate(question.recording.sources):
+        values = {base_name(name): e for name, e in known.items() if owner_of(name) == place}
+        if values:
+            own[source.name] = values
+    return shared or dict(next(iter(own.values()), {})), own
 
 
-def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
-    return depends_on(problem.simulator, comparison, comparison.left_after)
+def _called(question: Question, found: Sequence[Combination]) -> tuple[Combination, ...]:
+    """Combinations of parameters, each of them called by the recording whose own it is."""
+    sources = question.recording.sources
 
+    def called(parameter: str) -> str:
+        owner = owner_of(parameter) if sources else None
+        return parameter if owner is None else f"{base_name(parameter)} in {sources[owner].name}"
 
-def _effects(
-    question: Question,
-    answer: Answer,
-    found: Fit,
-    probability: float,
-    sizes: Sizes,
-) -> tuple[NamedEffect, ...]:
-    problem, judgement = question.everything, answer.judgement
-    if not found.hypothesis.terms:
-        return ()
-    names = [source.name for source in question.recording.sources]
-    leads, out = found is judgement.leader, []
-    for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
-        parameters, own = parted(known, names)
-        alone = bool(own) and not any(owner_of(name) is None for name in known)
-        out.append(
-            NamedEffect(
-                family=term.family,
-                on=term.on,
-                site=term.effect.site,
-                parameters=parameters,
-                region=term.gate.region,
-                since=None if term.gate.since is None else term.gate.since + question.origin,
-                since_episode=question.episode_name(term.gate.since_episode),
-                acts_in=acts_in(problem, term) if term.gate else None,
-                probability=probability,
-                odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
-                evidence_gain=judgement.gains[i] if leads else 0.0,
-                explains=answer.attribution.importance[i].share if leads else 0.0,
-                recordings=tuple(own) if alone else None,
-                own=own or None,
-                curve=answer.curves.get((term.family, term.on, term.variant)),
-            )
-        )
-    return tuple(out)
+    return tuple(replace(c, of=tuple(map(called, c.of))) for c in found)

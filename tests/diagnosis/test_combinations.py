@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.combinations import SIMPLE_EXPONENT, WIDE, combinations, open_groups, simple
+from gpsim.diagnosis.assessment.combinations import WIDE, combinations, open_groups, simple
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.simulators import make_simulator
@@ -97,7 +97,7 @@ def test_the_products_of_any_powers_are_found():
     ((group, products),) = open_groups(information([1, -2, 0], [0, 0, 1]), NOT_HELD)
     assert group.tolist() == [0, 1]
     ((powers, deviation),) = products
-    np.testing.assert_allclose(simple(powers, SIMPLE_EXPONENT) / powers[0], [1.0, -2.0])
+    np.testing.assert_allclose(simple(powers) / powers[0], [1.0, -2.0])
     assert deviation == pytest.approx(0.01 * abs(powers[0]), rel=1e-6)
 
 
@@ -122,7 +122,7 @@ def test_what_stopped_at_its_bound_takes_those_along_that_would_follow():
 
 def test_exponents_are_rounded_where_they_are_nearly_simple():
     np.testing.assert_allclose(
-        simple(np.array([0.98, -0.52, 0.335, 0.85]), 0.08), [1.0, -0.5, 1 / 3, 0.85], atol=1e-12
+        simple(np.array([0.98, -0.52, 0.335, 0.85])), [1.0, -0.5, 1 / 3, 0.85], atol=1e-12
     )
 
 

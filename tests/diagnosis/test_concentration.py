@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.concentration import concentrated
+from gpsim.diagnosis.assessment.location import concentrated
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator

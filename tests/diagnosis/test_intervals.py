@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.intervals import _inverse
+from gpsim.diagnosis.assessment.estimates import _inverse
 
 
 def test_a_well_determined_one_is_the_inverse():

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.assessment import model_error, with_model_error
+from gpsim.diagnosis.assessment.estimates import model_error, with_model_error
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import IntervalSettings, Known, read_settings
 from gpsim.effects import EffectParameter

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.comparison import _steps
+from gpsim.diagnosis.assessment.comparison import single_steps
 from gpsim.diagnosis.assessment.remainder_gp import learn, left_with, residual_rates
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.predict import as_it_was, without_sensors
@@ -47,7 +47,7 @@ def question():
 def test_it_learns_what_the_corrected_simulator_will_ask(question):
     learnt = learn(
         question.everything,
-        _steps(question.everything, question.recording).train,
+        single_steps(question.everything, question.recording).train,
         SENSORS,
         np.random.default_rng(0),
     )
@@ -57,7 +57,7 @@ def test_it_learns_what_the_corrected_simulator_will_ask(question):
 
 
 def test_with_it_one_step_ahead_nothing_is_left(question):
-    problem, steps = question.everything, _steps(question.everything, question.recording)
+    problem, steps = question.everything, single_steps(question.everything, question.recording)
     learnt = learn(problem, steps.train, SENSORS, np.random.default_rng(0))
     alone = residual_rates(problem, steps.test, SENSORS)
     both = left_with(problem, steps.test, SENSORS, alone, learnt)
@@ -74,7 +74,7 @@ def test_a_late_sensors_transitions_are_brought_back_to_the_time_they_are_of():
     world = World("slider", sensors=[sensor(0, late(0.03))])
     args = {"seed": 3, "episodes": 6, "steps": 100, "noise": 0.0, "known_noise": False}
     question, plain = (question_of(record(w, **args)) for w in (world, World("slider")))
-    windows, truth = (_steps(q.everything, q.recording).train for q in (question, plain))
+    windows, truth = (single_steps(q.everything, q.recording).train for q in (question, plain))
     later = Hypothesis((Term("sensor_delay", "q", {"delay": 0.03}),), ((),))
     seen = ~windows.fresh
     found = as_it_was(question.everything, windows, later).measured[seen]

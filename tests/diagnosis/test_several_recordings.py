@@ -9,7 +9,7 @@ from jsonschema import Draft202012Validator
 import gpsim
 from gpsim.channels import Channels
 from gpsim.diagnosis import Diagnosis, schema
-from gpsim.diagnosis.assessment.by_recording import _expected
+from gpsim.diagnosis.assessment.scoring import expected
 from gpsim.diagnosis.data import rebased
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.run import Run
@@ -207,10 +207,10 @@ def test_what_others_say_of_one_is_what_they_share_or_their_mean():
     friction = Term("coulomb_friction", "q", {"force": 1.0, "force@1": 2.0, "force@2": 4.0})
     bias = Term("sensor_bias", "q", {"offset": 0.0, "offset@0": 0.3})
     account = Hypothesis((friction, bias), ((), ()))
-    foretold = _expected(account, 0, 3)
+    foretold = expected(account, 0, 3)
     assert foretold.terms[0].in_recording(0).values["force"] == 3.0
     assert foretold.terms[1].in_recording(0).values["offset"] == 0.3
-    assert _expected(account, 1, 3).terms[0].in_recording(1).values["force"] == 1.0
+    assert expected(account, 1, 3).terms[0].in_recording(1).values["force"] == 1.0
 
 
 def test_compiled_code_knows_whose_value_it_is(days):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gpsim.diagnosis.judging.attribution import _deciding, _growth, role_of
 from gpsim.diagnosis.judging.importance import _shapley
-from gpsim.diagnosis.judging.shares import Mismatch, draws
+from gpsim.diagnosis.judging.judges import Mismatch, draws
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import VerdictSettings
 

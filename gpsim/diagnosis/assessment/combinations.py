@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtrit
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.assessment.intervals import informed
+from gpsim.diagnosis.assessment.estimates import informed, stopped
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.report import Combination
 
@@ -30,6 +30,7 @@ FOLLOWS_BOUND = 10.0
 """Times what a value at its bound would vary with all others held, from which these follow it."""
 TAKES_PART = 0.05  # of the largest component, below which a parameter takes no part
 SIMPLE_EXPONENT = 0.08  # within which an exponent is the nearest whole number, half or third
+LARGEST_DENOMINATOR = 3  # of an exponent that physics knows
 
 UNITY = 1.0  # at which a factor does nothing: a gain, a ratio, a scale
 
@@ -39,41 +40,33 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
     if not leader.hypothesis.terms:
         return ()
     own = len(leader.hypothesis.parameters)
-    found = replace(leader, hypothesis=_with_factors_of(rivals, leader.hypothesis))
-    theta = found.hypothesis.theta
+    hypothesis = _with_factors_of(rivals, leader.hypothesis)
+    theta = hypothesis.theta
     logs = np.flatnonzero(theta != 0.0)  # what is 0 has no logarithm, and may stand at any place
     if len(logs) < 2 or own == 0:
         return ()
-    information = informed(problem, found) * np.outer(theta, theta)
+    information = informed(problem, replace(leader, hypothesis=hypothesis)) * np.outer(theta, theta)
     if not np.isfinite(information).all():
         return ()  # a simulation ran away
-    held = np.array(
-        [_held(p.low, p.high, v) for p, v in zip(found.hypothesis.parameters, theta, strict=True)]
-    )
-    groups = open_groups(information[np.ix_(logs, logs)], held[logs])
+    held = np.array([stopped(v, p.low, p.high) for p, v in zip(hypothesis.parameters, theta, strict=True)])
     freedom = max(len(problem.windows) - len(theta), 2)
     half = float(stdtrit(freedom, 0.5 + problem.run.settings.intervals.level / 2))
-    return tuple(
-        made
-        for members, products in groups
+    found = [
+        _product(hypothesis, logs[members], simple(powers), half * deviation)
+        for members, products in open_groups(information[np.ix_(logs, logs)], held[logs])
         if (logs[members] < own).any()
         for powers, deviation in products
-        if (
-            made := _product(
-                found.hypothesis, logs[members], simple(powers, SIMPLE_EXPONENT), half * deviation
-            )
-        )
-    )
+    ]
+    return tuple(product for product in found if product is not None)
 
 
-Products = list[tuple[FloatArray, float]]
-"""Exponents (K,) of products, and the standard deviation of each one's logarithm."""
-
-
-def open_groups(information: FloatArray, held: BoolArray) -> list[tuple[IntArray, Products]]:
+def open_groups(
+    information: FloatArray, held: BoolArray
+) -> list[tuple[IntArray, list[tuple[FloatArray, float]]]]:
     """Groups of parameters that leave a direction open, and the products that they fix.
 
-    information: (P, P) on the logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
+    Of each product the exponents (K,) and the standard deviation of its logarithm. information: (P, P) on the
+    logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
     """
     values, vectors = np.linalg.eigh(information)
     # Of the logarithms each is as wide as its part in an open direction makes it.
@@ -81,7 +74,7 @@ def open_groups(information: FloatArray, held: BoolArray) -> list[tuple[IntArray
     open_ = np.where(widths > WIDE, vectors, 0.0).T
     directions = [direction for direction in open_ if np.count_nonzero(direction) > 1]
     for i in np.flatnonzero(held):
-        followed = _followed(information, int(i), FOLLOWS_BOUND)
+        followed = _followed(information, int(i))
         if followed is not None and not any(direction[i] for direction in directions):
             directions.append(followed)
     if not directions:
@@ -101,30 +94,24 @@ def open_groups(information: FloatArray, held: BoolArray) -> list[tuple[IntArray
     return out
 
 
-def _followed(information: FloatArray, index: int, least: float) -> FloatArray | None:
+def _followed(information: FloatArray, index: int) -> FloatArray | None:
     """(P,) how the others go with one that is held at its bound; None where they would hold it, too."""
     others = np.arange(len(information)) != index
     follow = -np.linalg.lstsq(information[np.ix_(others, others)], information[others, index], rcond=None)[0]
     alone = information[index, index]
     left = alone + float(information[index, others] @ follow)
-    if alone < least**2 * max(left, 0.0):
+    if alone < FOLLOWS_BOUND**2 * max(left, 0.0):
         return None
     out = np.ones(len(information))
     out[others] = follow
     return out
 
 
-def simple(rows: FloatArray, tolerance: float) -> FloatArray:
-    """Rows of exponents, each rounded to a whole number, a half or a third where that is near."""
-    out = rows.copy()
-    for place, value in np.ndenumerate(rows):
-        near = float(Fraction(float(value)).limit_denominator(LARGEST_DENOMINATOR))
-        if abs(near - value) <= tolerance * max(1.0, abs(value)):
-            out[place] = near
-    return out
-
-
-LARGEST_DENOMINATOR = 3  # of an exponent that physics knows
+def simple(exponents: FloatArray) -> FloatArray:
+    """(K,) exponents, each rounded to a whole number, a half or a third where that is near."""
+    near = [float(Fraction(float(e)).limit_denominator(LARGEST_DENOMINATOR)) for e in exponents]
+    close = np.abs(near - exponents) <= SIMPLE_EXPONENT * np.maximum(1.0, np.abs(exponents))
+    return np.where(close, near, exponents)
 
 
 def _complement(directions: FloatArray) -> FloatArray:
@@ -153,7 +140,11 @@ def _product(
         return None
     value = float(np.prod(theta**powers))
     low, high = sorted((value * np.exp(-half), value * np.exp(half)))
-    named = _names(hypothesis)
+    named = [
+        f"{term.family} on {term.on}: {p.name}"
+        for term, declared in zip(hypothesis.terms, hypothesis.declared, strict=True)
+        for p in declared
+    ]
     return Combination(
         of=tuple(named[i] for i in columns),
         fixed="",
@@ -166,35 +157,14 @@ def _product(
     )
 
 
-def _names(hypothesis: Hypothesis) -> list[str]:
-    """Of every parameter in the order of theta: `family on place: name`."""
-    return [
-        f"{term.family} on {term.on}: {p.name}"
-        for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True)
-        for p in group
-    ]
-
-
 def _unit(units: Sequence[str], powers: FloatArray) -> str:
     """The unit of a product, as `(N s/m) (N)^-1`; "1" where none is left."""
-    total: dict[str, float] = {}
-    for unit, power in zip(units, powers, strict=True):
-        if unit != "1":
-            total[unit] = total.get(unit, 0.0) + float(power)
-    left = {unit: power for unit, power in total.items() if power}
-    if not left:
-        return "1"
+    total = {unit: float(powers[[other == unit for other in units]].sum()) for unit in dict.fromkeys(units)}
+    left = {unit: power for unit, power in total.items() if power and unit != "1"}
     if list(left.values()) == [1.0]:
         return next(iter(left))
-    return " ".join(f"({unit})" + ("" if power == 1.0 else f"^{power:g}") for unit, power in left.items())
-
-
-def _held(low: float, high: float, value: float) -> bool:
-    """Whether a value stopped at a bound of the search."""
-    return any(np.isclose(value, bound, rtol=AT_BOUND, atol=0.0) for bound in (low, high))
-
-
-AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
+    parts = (f"({unit})" + ("" if power == 1.0 else f"^{power:g}") for unit, power in left.items())
+    return " ".join(parts) or "1"
 
 
 def _with_factors_of(rivals: Sequence[Fit], leader: Hypothesis) -> Hypothesis:

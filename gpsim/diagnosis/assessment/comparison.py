@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.artifacts import Mishaps
-from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.assessment.black_box import black_box, boxes_of
-from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, share_explained
+from gpsim.channels import Channel, FloatArray, IntArray
 from gpsim.diagnosis.assessment.remainder_gp import (
     Corrected,
     Learnt,
     best,
+    black_box,
     inputs,
     learn,
     left_with,
@@ -23,11 +22,32 @@ from gpsim.diagnosis.assessment.remainder_gp import (
     why_not,
     with_a_past,
 )
-from gpsim.diagnosis.assessment.rollouts import Model, drifts, rollouts, whole_windows
+from gpsim.diagnosis.assessment.rollouts import (
+    MODELS,
+    TINY,
+    Model,
+    base_of,
+    drifts,
+    over_before,
+    rollouts,
+    share_explained,
+    shown_channels,
+    whole_windows,
+)
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import Attribution, Judgement
-from gpsim.diagnosis.report import BlackBox, Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
+from gpsim.diagnosis.report import (
+    BlackBox,
+    BoxKind,
+    Kind,
+    ModelErrors,
+    NoGp,
+    OverBefore,
+    Rollout,
+    Share,
+    StepErrors,
+)
 from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
 from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
@@ -39,7 +59,7 @@ TUNED_GAIN = 0.02  # of the base's misfit, that tuning must take off to be told
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
@@ -69,7 +89,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class _Steps:
+class Steps:
     """Single transitions, to learn from and held out, completed by a hypothesis where channels are hidden."""
 
     train: Windows
@@ -85,8 +105,7 @@ def compare(
 ) -> Comparison:
     """Fit what has to be fitted on training data, and judge all of it on held-out data."""
     problem, noise = question.everything, attribution.noise
-    partial = attribution.share.share < question.run.settings.verdict.nearly_all
-    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
+    base = base_of(question)
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
     if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
@@ -94,82 +113,72 @@ def compare(
     completions = Completions(problem, question.recording, question.hidden, after)
     steps = steps_of(question, hypotheses, completions)
     rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
-    trains = {
-        kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
-    }
-    mishaps, alone, both, beside = Mishaps(), None, None, None
+    train, mishaps, alone, both, beside = steps["before"].train, Mishaps(), None, None, None
     why: NoGp | None = NoGp("not fitted")
     rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
     with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
-        learnt = learn(problem, trains["before"], base, rng)
+        learnt = learn(problem, train, base, rng)
         rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
         alone = learnt
     with mishaps.contained("no Gaussian process on the remainder"):
         both, why, beside = _remainder(
-            question, judgement, hypotheses, trains, completions, alone, rng, partial
+            question, judgement, attribution, hypotheses, steps, completions, alone, rng
         )
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
         test = steps[kind].test
         rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
-    boxes = boxes_of(base, after, alone, beside) if judgement.structured else {}
     models = {
-        **{name: box.model for name, box in boxes.items()},
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
         "gp": Model(base, alone.rates if alone else None),
         "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
-        "after": Model(after),
     }
-    measured, seen = measured_rates(problem, steps["after"].test), _measured(question)
+    boxes: dict[BoxKind, str] = {"gp": "gp"} if alone and judgement.structured else {}
+    if beside is not None:
+        boxes["after_gp"] = "beside"
+        models["beside"] = Model(after, beside.rates)
+    models["after"] = Model(after)  # the last one: of its rollouts it is told what noise makes
+    measured = measured_rates(problem, steps["after"].test)
     one_step, shares = _one_step(question, rates, measured, rng), _step_shares(question, rates, rng)
     drifted = drifts(question, models, noise, rng, completions)
-    name, box = black_box(boxes, drifted.errors, seen) or (None, None)
-    if name is not None:
-        kind = "before" if boxes[name].kind == "gp" else "after"
-        left = _left_by(problem, steps[kind].test, boxes[name].model)
+    box = black_box(boxes, drifted, [i for i, _ in shown_channels(question)])
+    name = None if box is None else boxes[box.model]
+    if box is not None and name is not None:
+        test = steps["before" if box.model == "gp" else "after"].test
+        left = residual_rates(problem, test, models[name].hypothesis, models[name].extra)
         one_step = {
             n: replace(e, black_box=rms(left[:, problem.simulator.rate.index(n)]))
             for n, e in one_step.items()
         }
     return Comparison(
-        one_step,
-        shares,
-        rollouts(question, drifted, name, rng),
-        box,
-        {t.on: float(t.values["ratio"]) for t in hypotheses["tuned"].terms if "ratio" in t.values},
-        both,
-        why,
-        inputs(steps["before"].train),
-        steps["before"].train.t[:, 0],
-        steps["before"].train.episode,
-        since_reversal(steps["before"].train, problem.simulator),
-        residual_rates(problem, steps["before"].train, base),
-        residual_rates(problem, steps["after"].train, after),
-        tuple(mishaps.lines),
+        one_step=one_step,
+        shares=shares,
+        rollout=rollouts(question, drifted, name, rng),
+        black_box=box,
+        tuned={t.on: float(t.values["ratio"]) for t in hypotheses["tuned"].terms if "ratio" in t.values},
+        corrected=both,
+        why_no_gp=why,
+        inputs=inputs(train),
+        times=train.t[:, 0],
+        episodes=train.episode,
+        since_reversal=since_reversal(train, problem.simulator),
+        left_before=residual_rates(problem, train, base),
+        left_after=residual_rates(problem, steps["after"].train, after),
+        mishaps=tuple(mishaps.lines),
     )
-
-
-def _measured(question: Question) -> BoolArray:
-    """(S,) which channels were recorded."""
-    return np.array([name not in question.hidden for name in question.everything.simulator.state.names])
-
-
-def _left_by(problem: Problem, windows: Windows, model: Model) -> FloatArray:
-    """(W, R) residual rates of single transitions under a model."""
-    return residual_rates(problem, windows, model.hypothesis, model.extra)
 
 
 def _remainder(
     question: Question,
     judgement: Judgement,
+    attribution: Attribution,
     hypotheses: Mapping[str, Hypothesis],
-    trains: Mapping[str, Windows],
+    steps: Mapping[str, Steps],
     completions: Completions,
     alone: Learnt | None,
     rng: np.random.Generator,
-    partial: bool,
 ) -> tuple[Corrected | None, NoGp | None, Learnt | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
 
@@ -184,39 +193,37 @@ def _remainder(
         return None, NoGp("not fitted"), None
     problem = question.everything
 
-    def corrected(kind: str, learnt: Learnt) -> Corrected:
+    def corrected(kind: str, train: Windows, learnt: Learnt) -> Corrected:
         runs = whole_windows(question, completions.by(hypotheses[kind]), learnt_from=True)
-        return Corrected(hypotheses[kind], learnt, trains[kind], runs)
+        return Corrected(hypotheses[kind], learnt, train, runs)
 
-    named = bool(judgement.leader.hypothesis.terms)
-    beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
-    others = [corrected("before", alone)] if named and partial else []
-    chosen, errors = best(problem, [beside, *others])
-    why = why_not(problem, beside.errors(problem, modelled=False), errors)
-    return None if why else chosen, why, beside.learnt if named else None
+    beside, choices = None, []
+    if judgement.leader.hypothesis.terms:
+        train = with_a_past(question, steps["after"].train, hypotheses["after"])
+        beside = learn(problem, train, hypotheses["after"], rng)
+        choices = [corrected("after", train, beside)]
+    if not choices or attribution.share.share < question.run.settings.verdict.nearly_all:
+        choices.append(corrected("before", steps["before"].train, alone))
+    chosen, errors = best(problem, choices)
+    why = why_not(problem, choices[0].errors(problem, modelled=False), errors)
+    return None if why else chosen, why, beside
 
 
 def steps_of(
     question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
-) -> dict[str, _Steps]:
+) -> dict[str, Steps]:
     """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
-    if question.hidden:
-        by = {kind: completions.by(h) for kind, h in hypotheses.items()}
-        found = {key: _steps(problem, done, past) for key, done in {id(r): r for r in by.values()}.items()}
-        return {kind: found[id(done)] for kind, done in by.items()}
-    steps, made_by = (
-        _steps(problem, recording, past),
-        filters(recording, problem.simulator),
-    )
-    if not made_by:
-        return dict.fromkeys(hypotheses, steps)
-    out: dict[str, _Steps] = {}
+    whole = {kind: completions.by(h) for kind, h in hypotheses.items()}
+    found = {key: single_steps(problem, r, past) for key, r in {id(r): r for r in whole.values()}.items()}
+    made_by = () if question.hidden else filters(recording, problem.simulator)
+    out: dict[str, Steps] = {}
     for kind, h in hypotheses.items():
-        same = next((k for k in out if hypotheses[k] == h), None)
-        parts = (undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test))
-        out[kind] = out[same] if same else _Steps(*parts)
+        steps, same = found[id(whole[kind])], next((out[k] for k in out if hypotheses[k] == h), None)
+        if made_by and same is None:
+            steps = Steps(*(undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test)))
+        out[kind] = same or steps
     return out
 
 
@@ -227,32 +234,23 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.actuation.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
-def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps:
-    """Those in which nothing touches; past: without those before which nobody knows what was commanded.
+def single_steps(problem: Problem, recording: Recording, past: bool = False) -> Steps:
+    """Those in which nothing touches; past: without those that begin an episode or follow on a gap.
 
     Each where there are others.
     """
     settings = problem.run.settings
     windows = cut(recording, settings.windows, 1, most=STEPS_LOOKED_AT)
-    held, sound = held_out_mask(recording, windows), windows.sound_ends
-    windows, held = (windows.take(sound), held[sound]) if sound.any() else (windows, held)
+    windows = windows.take(windows.sound_ends) if windows.sound_ends.any() else windows
     ends = windows.measured[:, 0], windows.measured[:, 1]
-    free = apart(problem.simulator, FEWEST_WITHOUT_CONTACT, *ends)
-    windows, held = windows.take(free), held[free]
-    train, test = windows.take(~held), windows.take(held if held.any() else ~held)
-    if past:
-        train, test = _later(train), _later(test)
-    most = settings.gp.steps
-    return _Steps(_some(train, most), _some(test, most))
-
-
-def _later(windows: Windows) -> Windows:
-    """Without those that begin an episode or follow on a gap, if there are others."""
-    return windows if windows.fresh.all() else windows.take(~windows.fresh)
-
-
-def _some(windows: Windows, most: int) -> Windows:
-    return windows.take(evenly(len(windows), most))
+    windows = windows.take(apart(problem.simulator, FEWEST_WITHOUT_CONTACT, *ends))
+    held = held_out_mask(recording, windows)
+    parts = []
+    for part in (windows.take(~held), windows.take(held if held.any() else ~held)):
+        if past and not part.fresh.all():  # nobody knows what was commanded before those
+            part = part.take(~part.fresh)
+        parts.append(part.take(evenly(len(part), settings.gp.steps)))
+    return Steps(*parts)
 
 
 def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hypothesis:
@@ -274,14 +272,13 @@ def _noise_rates(
     problem: Problem, windows: Windows, hypothesis: Hypothesis, noise: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
     """(W, R) what the sensors' noise (S,) alone does to the rates' residual, drawn once."""
-    shape = windows.measured[:, 0].shape
+    rates, dt = problem.simulator.measured_rates, np.diff(windows.t, axis=1)[:, 0]
     before, after = windows.measured[:, 0], predicted(problem, windows, hypothesis)[:, 1]
-    noisy = replace(windows, measured=windows.measured + (rng.normal(size=shape) * noise)[:, None])
-    disturbed = predicted(problem, noisy, hypothesis)[:, 1]
-    dt = np.diff(windows.t, axis=1)[:, 0]
-    clean = problem.simulator.measured_rates(before, after, dt)
-    seen = problem.simulator.measured_rates(noisy.measured[:, 0], after + rng.normal(size=shape) * noise, dt)
-    simulated = problem.simulator.measured_rates(noisy.measured[:, 0], disturbed, dt)
+    noisy = replace(windows, measured=windows.measured + (rng.normal(size=before.shape) * noise)[:, None])
+    begun = noisy.measured[:, 0]
+    seen = rates(begun, after + rng.normal(size=before.shape) * noise, dt)
+    simulated = rates(begun, predicted(problem, noisy, hypothesis)[:, 1], dt)
+    clean = rates(before, after, dt)
     return np.asarray((seen - clean) - (simulated - clean))
 
 
@@ -293,13 +290,10 @@ def _one_step(
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
     out: dict[str, StepErrors] = {}
-    shown = shown_rates(question)
-    for i, channel in enumerate(question.everything.simulator.rate):
-        if not shown[i]:
-            continue
-        spread = max(float(measured[:, i].std()), 1e-300)
+    for i, channel in shown_rates(question):
+        spread = max(float(measured[:, i].std()), TINY)
         errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
-        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng)
+        over = OverBefore(**over_before({kind: rates[kind][:, i] for kind in MODELS}, rng))
         out[channel.name] = StepErrors(
             **errors,
             unit=channel.unit,
@@ -316,18 +310,16 @@ def _step_shares(
     question: Question, rates: Mapping[str, FloatArray], rng: np.random.Generator
 ) -> dict[str, Share]:
     """What the effects take off each measured rate's error beyond noise, where there is any."""
-    out: dict[str, Share] = {}
-    shown = shown_rates(question)
-    for i, name in enumerate(question.everything.simulator.rate.names):
-        errors = {kind: rates[kind][:, i] for kind in ("before", "after", "noise_floor")}
-        found = share_explained(errors, rng) if shown[i] else None
-        if found is not None:
-            out[name] = found
-    return out
+    kinds = ("before", "after", "noise_floor")
+    found = {
+        channel.name: share_explained({kind: rates[kind][:, i] for kind in kinds}, rng)
+        for i, channel in shown_rates(question)
+    }
+    return {name: share for name, share in found.items() if share is not None}
 
 
-def shown_rates(question: Question) -> BoolArray:
-    """(R,) which rates follow from recorded channels alone: a hidden one's was not measured."""
+def shown_rates(question: Question) -> list[tuple[int, Channel]]:
+    """Which rates follow from recorded channels alone, by their columns: a hidden one's was not measured."""
     simulator = question.everything.simulator
     state = question.everything.windows.measured[:1, 0]
     shown = np.ones(len(simulator.rate), dtype=np.bool_)
@@ -336,4 +328,5 @@ def shown_rates(question: Question) -> BoolArray:
         moved[:, simulator.state.index(name)] += 1.0
         shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
     unmeasured = question.sight.unmeasured if question.sight else ()
-    return np.asarray(shown & np.array([name not in unmeasured for name in simulator.rate.names]))
+    rates = enumerate(simulator.rate)
+    return [(i, channel) for i, channel in rates if shown[i] and channel.name not in unmeasured]

@@ -11,7 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
+from gpsim.diagnosis.report import Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
 
 FEWEST_STEPS = 20  # transitions of one at least
@@ -28,45 +28,32 @@ AFTERWARDS = 2**31  # number of an episode that comes after all others, no thres
 
 
 def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
-    """Which recordings separate the rivals; None when nothing has to be told apart."""
+    """The fewest recordings that separate every pair of rivals which any of them separates, and the other pairs.
+
+    None when nothing has to be told apart.
+    """
     if not judgement.rivals:
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
     if not _amplitudes(problem.windows).any():
         return None  # of what was never commanded nobody knows how large it may be
     excitations, actions = _excitations(problem)
-    windows = _windows(problem, actions, _latest(hypotheses))
-    said = [_said(problem, windows, h) for h in hypotheses]
-    noise = np.maximum(judgement.noise, 1e-300)
-    pairs = list(combinations(range(len(said)), 2))
-    gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
+    windows, noise = _windows(problem, actions, _latest(hypotheses)), np.maximum(judgement.noise, 1e-300)
+    moves = [_moves(problem, windows, h) for h in hypotheses]
+    pairs = list(combinations(range(len(moves)), 2))
     claims = [tuple((t.family, t.on) for t in h.terms) for h in hypotheses]
-    visible = VISIBLE
-    return _advice(visible, problem.simulator.state.names, excitations, pairs, gaps, claims)
-
-
-def _advice(
-    visible: float,
-    channels: Sequence[str],
-    excitations: Sequence[Excitation],
-    pairs: Sequence[tuple[int, int]],
-    gaps: FloatArray,
-    claims: Sequence[Claims],
-) -> Discrimination:
-    """The fewest recordings that separate every pair which any of them separates, and the pairs that none does.
-
-    gaps: (pairs, E, S) between what two explanations predict, in standard deviations of the noise.
-    """
+    gaps = np.array([np.abs(moves[a] - moves[b]).max(axis=1) for a, b in pairs])  # (pairs, E, S)
+    gaps = np.where(problem.observed, gaps / noise, 0.0)
     reach, left, recordings = gaps.max(axis=2), list(range(len(pairs))), []
-    while left and reach[left].max() >= visible:
-        seen = reach[left] >= visible
+    while left and reach[left].max() >= VISIBLE:
+        seen = reach[left] >= VISIBLE
         best = max(
             range(len(excitations)),
             key=lambda e: (seen[:, e].sum(), reach[left, e][seen[:, e]].min(initial=np.inf)),
         )
-        told = [p for p in left if reach[p, best] >= visible]
+        told = [p for p in left if reach[p, best] >= VISIBLE]
         weakest = min(told, key=lambda p: reach[p, best])
-        channel = channels[int(np.argmax(gaps[weakest, best]))]
+        channel = problem.simulator.state.names[int(np.argmax(gaps[weakest, best]))]
         who = tuple(claims[i] for i in sorted({i for p in told for i in pairs[p]}))
         recordings.append(Separation(excitations[best], who, channel, float(reach[weakest, best])))
         left = [p for p in left if p not in told]
@@ -136,13 +123,9 @@ def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
     )
 
 
-def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+def _moves(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+    """(E, L + 1, S) what is measured, less its start: a start state can hide a difference there."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = windows.measured[None, :, 0]
-    return np.asarray(problem.simulated(chain, windows, starts, hypothesis.spread, hypothesis.theta[None])[0])
-
-
-def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:
-    """(E, S) largest difference within the run, less its start (a start state can hide that), in noise units."""
-    gap = np.abs((first - first[:, :1]) - (second - second[:, :1])) / noise
-    return np.asarray(np.where(problem.observed, gap.max(axis=1), 0.0))
+    said = problem.simulated(chain, windows, starts, hypothesis.spread, hypothesis.theta[None])[0]
+    return np.asarray(said - said[:, :1])

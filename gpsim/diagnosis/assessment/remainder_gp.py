@@ -1,16 +1,20 @@
-"""What a hypothesis leaves of the rates, a Gaussian process on it, and whether simulations are better with that one."""
+"""What a hypothesis leaves of the rates, a Gaussian process on it, and what one that names nothing foresees.
+
+A share of the base's error says little where the base is far off: 99.8 % of it goes with a law that is merely near. A
+Gaussian process alone, and one beside the account, show how much of the error that is left anything could have
+foreseen.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import Feature, Features
-from gpsim.diagnosis.assessment.rollouts import Model, rolled
+from gpsim.diagnosis.assessment.rollouts import DRAWS, TINY, Model, rolled
 from gpsim.diagnosis.data import Windows, rms
 from gpsim.diagnosis.fitting import (
     Extra,
@@ -21,7 +25,8 @@ from gpsim.diagnosis.fitting import (
     predicted,
     without_sensors,
 )
-from gpsim.diagnosis.report import NoGp
+from gpsim.diagnosis.judging import draws, share_of
+from gpsim.diagnosis.report import BlackBox, BoxKind, NoGp
 from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
@@ -34,7 +39,17 @@ HARMS = 1.05  # times the error without it, that it may make in no channel
 MUCH_BETTER = 0.9
 """Times the errors of the one beside the effects, below which one on the base alone is taken."""
 
-TINY = 1e-300  # guards divisions and logarithms of errors that are 0
+STANDS_OUT = 1.5
+"""Times what noise alone makes of a rollout: a channel in which the account's error is less is done."""
+TRIFLE = 0.005
+"""Of the base's error: a channel in which the account leaves less is done (a log made in the base's own coarse steps
+leaves 0.0045 of it, which a process learns)."""
+LEAST_RATIO = 0.1
+"""Of the account's error: in one channel a model counts as no better, nor as so much worse."""
+FEWEST_ROLLOUTS = 4  # held out: with fewer there is no interval [rollouts]
+
+FAR = 1e100  # its square is a number still
+SEED = 2051  # of the draws: the same account is judged alike, whoever asks
 
 
 @dataclass(frozen=True)
@@ -61,12 +76,9 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
     chosen = train.take(rows)
     if has_sensors(hypothesis):
         chosen, hypothesis = as_it_was(problem, chosen, hypothesis), without_sensors(hypothesis)
-    targets = residual_rates(problem, chosen, hypothesis)
-    features = _features(problem)
+    features, targets = _features(problem), residual_rates(problem, chosen, hypothesis)
     settings = FitSettings(
-        restarts=RESTARTS,
-        screening_iterations=SCREENING_ITERATIONS,
-        max_iterations=ITERATIONS,
+        restarts=RESTARTS, screening_iterations=SCREENING_ITERATIONS, max_iterations=ITERATIONS
     )
     return Learnt(Predictor(fit_outputs(features(inputs(chosen)), targets, settings, rng)), features, rows)
 
@@ -90,27 +102,20 @@ class Corrected:
     train: Windows
     runs: Windows
 
-    @cached_property
-    def rest(self) -> Windows:
-        """The transitions that the process did not learn from."""
-        return self.train.take(~self.learnt.rows)
-
     def errors(self, problem: Problem, modelled: bool) -> FloatArray:
         """(R + S,) root mean squares of rates one step ahead and of channels after a rollout, with and without it.
 
         Those of channels that nobody measured, and where there are no data, are 1.
         """
-        rates, rest = np.ones(len(problem.simulator.rate)), self.rest
+        rates, rest = np.ones(len(problem.simulator.rate)), self.train.take(~self.learnt.rows)
         if len(rest):
             alone = residual_rates(problem, rest, self.hypothesis)
             both = left_with(problem, rest, self.hypothesis, alone, self.learnt) if modelled else alone
             rates = _of_columns(both)
         channels = np.ones(len(problem.observed))
         if len(self.runs):
-            drift = rolled(
-                problem, self.runs, Model(self.hypothesis, self.learnt.rates if modelled else None)
-            )
-            channels = np.where(problem.observed, _of_columns(drift), 1.0)
+            model = Model(self.hypothesis, self.learnt.rates if modelled else None)
+            channels = np.where(problem.observed, _of_columns(rolled(problem, self.runs, model)), 1.0)
         return np.concatenate([rates, channels])
 
 
@@ -179,3 +184,36 @@ def measured_rates(problem: Problem, windows: Windows) -> FloatArray:
     """(W, R) of single transitions."""
     dt = np.diff(windows.t, axis=1)[:, 0]
     return problem.simulator.measured_rates(windows.measured[:, 0], windows.measured[:, 1], dt)
+
+
+def black_box(
+    boxes: Mapping[BoxKind, str], errors: Mapping[str, FloatArray], seen: Sequence[int]
+) -> BlackBox | None:
+    """Which model that names nothing takes most off the account's error; None where that error does not stand out.
+
+    boxes: what each of them is called in `errors`, which are (W, S) at the ends of held-out rollouts, also of `before`,
+    `after` and `noise_floor`; seen: the columns of channels that were measured.
+    """
+    if not boxes or not errors:
+        return None
+    # Of a simulation that ran away a number still.
+    squares = {kind: np.minimum(np.nan_to_num(np.abs(e), nan=FAR), FAR) ** 2 for kind, e in errors.items()}
+    after, floor, before = (squares[kind].mean(axis=0) for kind in ("after", "noise_floor", "before"))
+    counts = (after > STANDS_OUT**2 * floor) & (after > TRIFLE**2 * before)
+    counts &= np.isin(np.arange(len(counts)), seen)
+    if not counts.any():
+        return None
+    rows = len(squares["after"])
+    weights = np.vstack([np.ones(rows), draws(rows, DRAWS, np.random.default_rng(SEED))])
+    means = {kind: weights @ square[:, counts] / rows for kind, square in squares.items()}
+    taken = {kind: _taken_off(means, name) for kind, name in boxes.items()}
+    best = max(taken, key=lambda kind: float(taken[kind][0]))
+    return BlackBox(best, share_of(taken[best], rows >= FEWEST_ROLLOUTS))
+
+
+def _taken_off(means: Mapping[str, FloatArray], name: str) -> FloatArray:
+    """(1 + D,) how much less a box's error beyond noise is than the account's, channels by their geometric mean."""
+    floor = means["noise_floor"]
+    left, own = (np.maximum(means[kind] - floor, TINY) for kind in (name, "after"))
+    ratios = np.clip(0.5 * np.log(left) - 0.5 * np.log(own), np.log(LEAST_RATIO), -np.log(LEAST_RATIO))
+    return np.asarray(1.0 - np.exp(ratios.mean(axis=1)))

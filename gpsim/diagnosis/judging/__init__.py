@@ -2,9 +2,15 @@
 
 from gpsim.diagnosis.judging.attribution import SEED, Attribution, attribute, explained_by
 from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, probabilities_of, rivals_among
-from gpsim.diagnosis.judging.judges import RolloutJudge, judge_at
-from gpsim.diagnosis.judging.rollout_windows import rollouts_in
-from gpsim.diagnosis.judging.shares import draws
+from gpsim.diagnosis.judging.judges import (
+    RolloutJudge,
+    draws,
+    horizon_of,
+    interval_of,
+    judge_at,
+    rollouts_in,
+    share_of,
+)
 from gpsim.diagnosis.judging.verdict import claimed, doubts_of, forms_of, verdict_of
 
 __all__ = [
@@ -19,10 +25,13 @@ __all__ = [
     "draws",
     "explained_by",
     "forms_of",
+    "horizon_of",
+    "interval_of",
     "judge_at",
     "odds_against",
     "probabilities_of",
     "rivals_among",
     "rollouts_in",
+    "share_of",
     "verdict_of",
 ]

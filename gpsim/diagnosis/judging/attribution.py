@@ -16,8 +16,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis
 from gpsim.diagnosis.judging.importance import importances, players
-from gpsim.diagnosis.judging.judges import Judge, rollout_judge, window_judge
-from gpsim.diagnosis.judging.shares import LOW, TINY, Mismatch
+from gpsim.diagnosis.judging.judges import LOW, TINY, Judge, Mismatch, rollout_judge, window_judge
 from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.diagnosis.setup import Question
