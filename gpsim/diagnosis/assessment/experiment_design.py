@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis, Problem
+from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
@@ -36,7 +36,8 @@ def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
         return None  # of what was never commanded nobody knows how large it may be
     excitations, actions = _excitations(problem)
     windows = _windows(problem, actions, _latest(hypotheses))
-    said = [_said(problem, windows, h) for h in hypotheses]
+    begun = windows.measured[:, 0]
+    said = [predicted(problem, windows, h, starts=begun) for h in hypotheses]
     noise = np.maximum(judgement.noise, 1e-300)
     pairs = list(combinations(range(len(said)), 2))
     gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
@@ -134,12 +135,6 @@ def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
         np.full(count, AFTERWARDS),
         np.ones(count, dtype=np.bool_),
     )
-
-
-def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    starts = windows.measured[None, :, 0]
-    return np.asarray(problem.simulated(chain, windows, starts, hypothesis.spread, hypothesis.theta[None])[0])
 
 
 def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:

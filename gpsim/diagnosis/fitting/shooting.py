@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.fitting.coordinates import Coordinates, coordinates
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.hypothesis import Coordinates, Hypothesis, coordinates
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.effects import closed
 
@@ -149,12 +148,7 @@ class Shooting:
         self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray, by: Problem | None = None
     ) -> FloatArray:
         """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts; by: in other steps."""
-        problem = by or self.problem
-        chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-        said = problem.simulated(chain, problem.windows, starts, hypothesis.spread, thetas)
-        gap = problem.simulator.gap(problem.windows.measured[None], said)
-        gap[:, ~problem.counted] = 0.0
-        return np.asarray(gap)
+        return (by or self.problem).gaps(hypothesis, thetas, starts)
 
     def costs(self, residual: FloatArray) -> FloatArray:
         """(..., W) half the sum of squares of residuals (..., W, L + 1, S) [nats]."""

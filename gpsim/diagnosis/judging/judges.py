@@ -234,9 +234,7 @@ def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothes
         np.maximum(problem.floor, LEAST_NOISE * problem.scale), ones, np.asarray(part.counted, dtype=float)
     )
     starts = fit(part, hypothesis.frozen(), part.windows.measured[:, 0], LEAD_ROUNDS, noise).starts
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, hypothesis.theta[None])
-    return np.asarray(said[0])
+    return predicted(problem, windows, hypothesis, starts=starts)
 
 
 LEAST_NOISE = 1e-3  # of a channel's size: what starts are fitted by where less noise is known

@@ -129,7 +129,7 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
     hypothesis = leader.hypothesis
     null = fit(everything, Hypothesis(scheme=hypothesis.scheme), rounds=WITHOUT, noise=leader.noise)
     without = _without(everything, leader)
-    p_value, _ = whiteness(everything, leader)
+    p_value = whiteness(everything, leader)
     least = BY_CHANCE if hypothesis.terms else UNNAMED
     left = unexplained(everything, leader)
     search.account = laws
