@@ -93,20 +93,20 @@ def batch_of(
     """The windows for copies with thetas (C, P), in n substeps a transition."""
     acting, remember, even = bool(chain.actuation), chain.sensors.remember, windows.even
     moments, slots = n, 0
-    if remember and chain.closed is not None and n > SEEN:  # their curves are cubic: a few moments will do
-        moments = max((m for m in range(2, SEEN + 1) if n % m == 0), default=n)
-    if remember:
-        if even:
-            slots = chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / moments)
-        else:  # wherever that is furthest
-            slots = moments * windows.samples_within(chain.sensors.looks_back(values)) + 3
-    if not (acting or remember):
-        windows = windows.remembering(0)
-    else:
+    if remember and even:
+        slots = chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
+    elif remember:  # from wherever that is furthest
+        slots = n * windows.samples_within(chain.sensors.looks_back(values)) + 3
+    if acting or remember:
         shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
-        back = chain.actuation.remembers(values) / max(shortest, 1e-12) + slots / moments
+        back = chain.actuation.remembers(values) / max(shortest, 1e-12) + slots / n
         if np.isfinite(back):
             windows = windows.remembering(int(np.ceil(min(back, FAR))) + 2)
+    else:
+        windows = windows.remembering(0)
+    if remember and chain.closed is not None:  # their curves are cubic: a few moments will do
+        moments = n if n <= SEEN else max((m for m in range(2, SEEN + 1) if n % m == 0), default=n)
+        slots = -(-slots // (n // moments)) + 2
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
     if acting and len(thetas) > 1:  # parameters of other sites do not change what becomes of a command
         each = [list(v.values()) for i, v in enumerate(spread(thetas, 1)) if chain.actuation.acts(i)]

@@ -233,8 +233,7 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     tolerated = np.maximum(TOLERATED_DRY_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
     counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
-    choices = sorted(set(DRY_FINER))
-    for times in choices:
+    for times in DRY_FINER:
         got = replace(problem, dry_steps={on: times}).residuals(rubbing, theta, starts)[0]
         if last is not None:
             fewer, before = last
@@ -243,7 +242,7 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
             if (error <= tolerated)[problem.observed].all():
                 return fewer
         last = times, got
-    return choices[-1]
+    return DRY_FINER[-1]
 
 
 def growth(problem: Problem, hypothesis: Hypothesis) -> FloatArray:

@@ -35,6 +35,7 @@ LOG_SIZE = (
 )
 WIDE = 15.0  # scales, the standard deviation of every other parameter a priori: it keeps open directions from running
 SMALLEST_RATIO = 0.02  # of what multiplies: no machine has less
+DIFFERENCE, RATIO, LIMIT = range(3)  # what a coordinate is: see above
 SPELT_OUT = 4  # terms that a label names one by one; of more it counts those of a family
 
 
@@ -244,27 +245,22 @@ class Coordinates:
 
     def natural(self, z: FloatArray) -> FloatArray:
         """(..., P) parameters in their units, of coordinates (..., P)."""
-        out = self.none + z
-        ratio, limit = self.kind == 1, self.kind == 2
+        out, ratio, limit = self.none + z, self.kind == RATIO, self.kind == LIMIT
         out[..., ratio] = np.exp(z[..., ratio])
         out[..., limit] = 1.0 / np.maximum(z[..., limit], self.tiny[limit])
         return np.asarray(out)
 
     def of(self, theta: FloatArray) -> FloatArray:
         """(P,) coordinates of parameters in their units."""
-        out = np.asarray(theta, dtype=float) - self.none
-        ratio, limit = self.kind == 1, self.kind == 2
+        out, ratio, limit = np.asarray(theta) - self.none, self.kind == RATIO, self.kind == LIMIT
         out[ratio] = np.log(np.maximum(theta[ratio], SMALLEST_RATIO))
         out[limit] = 1.0 / np.maximum(theta[limit], 1e-300)
         return np.asarray(np.clip(out, self.low, self.high))
 
     def slope(self, z: FloatArray) -> FloatArray:
         """(P,) by how much each parameter changes with its coordinate."""
-        value, out = self.natural(z), np.ones(len(z))
-        ratio, limit = self.kind == 1, self.kind == 2
-        out[ratio] = value[ratio]
-        out[limit] = -(value[limit] ** 2)
-        return out
+        value = self.natural(z)
+        return np.select([self.kind == RATIO, self.kind == LIMIT], [value, -(value**2)], 1.0)
 
     @property
     def none(self) -> FloatArray:
@@ -288,9 +284,9 @@ def _row(p: EffectParameter) -> tuple[float, ...]:
     """Kind, low, high, scale, prior deviation and the prior's centre."""
     if p.falls:
         typical = p.starts[0] if p.starts[0] > 0 else p.scale
-        return 2, 0.0, 1.0 / max(p.low, 0.05 * typical), 0.3 / typical, WIDE / typical, 0.0
+        return LIMIT, 0.0, 1.0 / max(p.low, 0.05 * typical), 0.3 / typical, WIDE / typical, 0.0
     if p.none == 1.0 and p.high > 0.0:
         low = max(p.low, SMALLEST_RATIO)
-        return 1, np.log(low), np.log(max(p.high, 2 * low)), 0.3, LOG_SIZE, 0.0
+        return RATIO, np.log(low), np.log(max(p.high, 2 * low)), 0.3, LOG_SIZE, 0.0
     start = p.starts[0] - p.none if p.place else 0.0
-    return 0, p.low - p.none, p.high - p.none, p.scale, WIDE * p.scale, start
+    return DIFFERENCE, p.low - p.none, p.high - p.none, p.scale, WIDE * p.scale, start
