@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import stdtr
@@ -27,9 +28,7 @@ BEYOND_CHANCE = (
 USUAL_SUBSTEP = 0.0125
 """Where friction may hold something at rest [s] (what friction at rest needs on robots)."""
 TOLERATED_NOISE = 3.0  # or this part of the known noise: one in three
-ERROR_MARGIN = 2.0
-"""On the change when the substep is halved (a third-order scheme's error is 8/7 of that change, 4/3 where friction
-stops a body)."""
+ERROR_MARGIN = 2.0  # times the change when the substep is halved
 ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
 COARSER_STEPS = (20, 10, 5, 4, 3, 2, 1)
 """Times as long as its own the steps may be in which slopes are found, the cheapest that will do."""
@@ -133,12 +132,11 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
     windows that look alike: what it could pass off as physics must stay below the floor.
     """
-    null = at or fit(problem, Hypothesis(), rounds=ERROR_ITERATIONS)
-    finer = replace(problem, substeps=2 * problem.substeps)
-    theta, starts = null.hypothesis.theta[None], null.starts[None]
-    one, other = (p.residuals(null.hypothesis, theta, starts)[0] for p in (problem, finer))
-    change = other - one
-    return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+    at = at or fit(problem, Hypothesis(), rounds=ERROR_ITERATIONS)
+    finer, theta = replace(problem, substeps=2 * problem.substeps), at.hypothesis.theta[None]
+    one, other = (p.residuals(at.hypothesis, theta, at.starts[None])[0] for p in (problem, finer))
+    change = (other - one)[problem.windows.valid]
+    return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change**2, axis=0)))
 
 
 def inexact(problem: Problem, likely: Callable[[], Hypothesis]) -> FloatArray:
@@ -177,15 +175,13 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
 def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
     """The steps that cost least of those exact enough, or the most exact; and what they are off by, as tolerated."""
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
-    tolerated = _tolerated(problem)
-    best, least = problem, np.inf
+    tolerated, best, least = _tolerated(problem), problem, np.inf
     at = fit(problem, hypothesis.frozen(), rounds=ERROR_ITERATIONS)
     exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         tried = replace(problem, simulator=simulator, substeps=steps)
-        found = replace(at, hypothesis=hypothesis)
-        off = float((numerical_error(tried, found) / tolerated)[problem.observed].max())
+        off = float((numerical_error(tried, at) / tolerated)[problem.observed].max())
         if off < least:
             best, least = tried, off
         if off <= 1.0:
@@ -231,17 +227,14 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
     """
     tolerated = np.maximum(TOLERATED_DRY_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
-    starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
-    counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
-    for times in DRY_FINER:
-        got = replace(problem, dry_steps={on: times}).residuals(rubbing, theta, starts)[0]
-        if last is not None:
-            fewer, before = last
-            # Of first order: the error is this many times what the finer steps changed.
-            error = np.sqrt(np.mean((got - before)[counts] ** 2, axis=0)) * times / (times - fewer)
-            if (error <= tolerated)[problem.observed].all():
-                return fewer
-        last = times, got
+    starts, theta = problem.windows.measured[None, :, 0], rubbing.theta[None]
+    (term,), valid = rubbing.terms, problem.windows.valid
+    left = (replace(problem, dry_steps={term.on: n}).residuals(rubbing, theta, starts)[0] for n in DRY_FINER)
+    for (fewer, before), (more, after) in pairwise(zip(DRY_FINER, left, strict=True)):
+        # Of first order: the error is this many times what the finer steps changed.
+        error = np.sqrt(np.mean((after - before)[valid] ** 2, axis=0)) * more / (more - fewer)
+        if (error <= tolerated)[problem.observed].all():
+            return fewer
     return DRY_FINER[-1]
 
 

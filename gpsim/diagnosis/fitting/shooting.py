@@ -84,12 +84,10 @@ class Fit:
     def learnt_from(self, windows: IntArray) -> Hypothesis:
         """The hypothesis as some of the windows alone say: one step from the whole, as a jackknife takes."""
         own = coordinates(self.hypothesis.parameters)
-        held = 1.0 / own.prior**2
+        held, of = 1.0 / own.prior**2, self.gradients
+        back = held * (self.z - own.centre)
         information = self.by_window[windows].sum(axis=0) + np.diag(held)
-        pull = self.gradients[windows].sum(axis=0) - held * (self.z - own.centre)
-        pull -= (
-            (self.gradients.sum(axis=0) - held * (self.z - own.centre)) * len(windows) / len(self.gradients)
-        )
+        pull = of[windows].sum(axis=0) - back - (of.sum(axis=0) - back) * len(windows) / len(of)
         move = bounded_step(information, pull, 1e-9, self.z, own.low, own.high)
         return self.hypothesis.having(own.natural(np.clip(self.z + move, own.low, own.high)))
 
