@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class Hypothesis:
     terms: tuple[Term, ...] = ()
     declared: tuple[tuple[EffectParameter, ...], ...] = ()
     scheme: Scheme = "fine"
-    _made: dict[tuple[int, int, float], tuple[Any, ...]] = field(
+    _made: dict[tuple[int, int, float], Chain] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -162,13 +161,8 @@ class Hypothesis:
         """What simulates it, made once for all values of its parameters."""
         key = id(simulator), id(parameters), dt
         if key not in self._made:
-            self._made[key] = (
-                Chain(simulator, parameters, self.terms, self.scheme, dt),
-                simulator,
-                parameters,
-            )
-        chain: Chain = self._made[key][0]
-        return chain
+            self._made[key] = Chain(simulator, parameters, self.terms, self.scheme, dt)
+        return self._made[key]  # it holds the two, so that nothing else gets their id
 
     def spread(self, thetas: FloatArray, repeat: int) -> list[dict[str, FloatArray]]:
         """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""

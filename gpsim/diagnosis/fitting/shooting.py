@@ -56,7 +56,7 @@ class Fit:
     """A hypothesis fitted to windows, or where its fit stands.
 
     z: (P,) its coordinates; starts: (W, S); residuals: (W, L + 1, S) in the channels' units, 0 where nothing counts;
-    costs: (W,) nats under the noise; prior: nats; information: (W, P, P) of each window on the coordinates, start
+    costs: (W,) nats under the noise; prior: nats; by_window: (W, P, P) each one's information on the coordinates, start
     states projected out, and gradients: (W, P), where slopes were last found.
     """
 
@@ -88,7 +88,7 @@ class Fit:
         back = held * (self.z - own.centre)
         information = self.by_window[windows].sum(axis=0) + np.diag(held)
         pull = of[windows].sum(axis=0) - back - (of.sum(axis=0) - back) * len(windows) / len(of)
-        move = bounded_step(information, pull, 1e-9, self.z, own.low, own.high)
+        move = bounded_step(information, pull, 1e-9, self.z, own)
         return self.hypothesis.having(own.natural(np.clip(self.z + move, own.low, own.high)))
 
 
@@ -209,7 +209,7 @@ class Shooting:
         released: start states follow; else they stay where they are.
         """
         own = coordinates(point.hypothesis.parameters)
-        held = np.diag(1.0 / own.prior**2) if len(own.prior) else np.zeros((0, 0))
+        held = np.diag(1.0 / own.prior**2)
         damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
         for _ in range(rounds):
             slopes = self.slopes(point, own)
@@ -221,7 +221,7 @@ class Shooting:
             before = point.cost
             point = replace(point, by_window=by_window, gradients=gradients)
             for _attempt in range(ATTEMPTS):
-                move = bounded_step(information, pull, damping, point.z, own.low, own.high)
+                move = bounded_step(information, pull, damping, point.z, own)
                 new, better = self._moved(point, own, point.z + move, alone + point.starts - follow @ move)
                 per_window = np.where(
                     better, np.maximum(per_window / 5, 1e-9), np.minimum(per_window * 10, 10.0)
@@ -309,12 +309,7 @@ def step_sizes(hypothesis: Hypothesis, own: Coordinates) -> FloatArray:
 
 
 def bounded_step(
-    information: FloatArray,
-    pull: FloatArray,
-    damping: float,
-    z: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    information: FloatArray, pull: FloatArray, damping: float, z: FloatArray, own: Coordinates
 ) -> FloatArray:
     """(P,) the damped step; what a bound would stop stands still and the others adapt."""
     move = np.zeros(len(z))
@@ -330,11 +325,11 @@ def bounded_step(
         if not len(at):
             break
         move[at] = np.linalg.lstsq(normal[np.ix_(at, at)], (pull * scale)[at], rcond=1e-12)[0] * scale[at]
-        stopped = free & (((z <= low) & (move < 0)) | ((z >= high) & (move > 0)))
+        stopped = free & (((z <= own.low) & (move < 0)) | ((z >= own.high) & (move > 0)))
         if not stopped.any():
             break
         free &= ~stopped
-    return np.clip(z + move, low, high) - z
+    return np.clip(z + move, own.low, own.high) - z
 
 
 def correlated(residual: FloatArray, counted: BoolArray) -> float:

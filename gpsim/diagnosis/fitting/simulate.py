@@ -116,8 +116,7 @@ def _history(
     every, state = n // moments, starts
     own = every * (windows.t[rows, 1] - windows.t[rows, 0]) / n
     lengths = every * np.diff(windows.before_t, axis=1) / n
-    still, strained = windows.rested[rows, None], {key: np.array(kept) for key, kept in strained.items()}
-    past, steps = [starts], []
+    still, past, steps = windows.rested[rows, None], [starts], []
     for back in range(1, min(batch.slots, moments * windows.before_actions.shape[1] + 1)):
         k, j = divmod(-back, moments)
         step, end = own, windows.t[rows, 0] - (back - 1) * own
