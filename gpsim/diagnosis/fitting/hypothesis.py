@@ -89,12 +89,12 @@ class Hypothesis:
 
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""
-        terms, at = [], 0
-        for term, group in zip(self.terms, self.declared, strict=True):
-            values = {p.name: float(theta[at + i]) for i, p in enumerate(group)}
-            terms.append(replace(term, values={**term.values, **values}))
-            at += len(group)
-        other = replace(self, terms=tuple(terms))
+        value = iter(theta.tolist())
+        terms = tuple(
+            replace(term, values={**term.values, **{p.name: next(value) for p in group}})
+            for term, group in zip(self.terms, self.declared, strict=True)
+        )
+        other = replace(self, terms=terms)
         other._made.update(self._made)  # what simulates it does not depend on its values
         return other
 
@@ -166,12 +166,11 @@ class Hypothesis:
 
     def spread(self, thetas: FloatArray, repeat: int) -> list[dict[str, FloatArray]]:
         """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""
-        columns = np.repeat(thetas, repeat, axis=0)
-        out, at = [], 0
+        columns, out = np.repeat(thetas, repeat, axis=0), []
+        column = iter(columns.T)
         for term, group in zip(self.terms, self.declared, strict=True):
             held = {name: np.full(len(columns), value) for name, value in term.values.items()}
-            out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
-            at += len(group)
+            out.append(held | {p.name: next(column) for p in group})
         return out
 
 
