@@ -6,7 +6,7 @@ import re
 import sys
 from types import ModuleType
 
-from gpsim.diagnosis.fitting.coordinates import LOG_SIZE
+from gpsim.diagnosis.fitting.hypothesis import LOG_SIZE
 from gpsim.diagnosis.ladder import USUAL as USUAL_LAWS
 from gpsim.diagnosis.settings import Settings
 from gpsim.effects.effect import Effect

@@ -41,7 +41,7 @@ from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.effects.plain import INPUTS, RETURNS
-from gpsim.effects.plausible import declared, implausibility, times_beyond
+from gpsim.effects.plausible import declared, times_beyond
 from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES, effect_of, has_patch
 from gpsim.effects.tabled import Axis, Curve, corners, tabled
 from gpsim.effects.template import template
@@ -106,7 +106,6 @@ __all__ = [
     "even",
     "from_json",
     "has_patch",
-    "implausibility",
     "installed",
     "origins",
     "own_effect",

@@ -29,10 +29,6 @@ class Actuation:
         """Whether anything happens to the commands."""
         return bool(self._effects)
 
-    def __len__(self) -> int:
-        """How many effects change commands."""
-        return len(self._effects)
-
     def acts(self, term: int) -> bool:
         """Whether a term changes commands."""
         return isinstance(self.terms[term].effect, ActuatorEffect)

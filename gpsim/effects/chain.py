@@ -79,11 +79,6 @@ class Chain:
         return Sensors(self.simulator, self.terms)
 
     @property
-    def dry(self) -> bool:
-        """Whether dry friction acts, which costs more to simulate."""
-        return self._forces.dry
-
-    @property
     def rubbing(self) -> frozenset[str]:
         """The coordinates on which dry friction acts."""
         return self._forces.rubbing

@@ -54,10 +54,6 @@ class Effect(ABC):
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
     patch_of: ClassVar[str | None] = None  # the family whose law it is in a region of its own coordinate
     drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
-    usual: ClassVar[int] = (
-        0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
-    )
-    rare: ClassVar[float] = 0.0  # nats: how much less likely than others before any data are seen
     plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
     asked: ClassVar[bool] = True  # is it among what a diagnosis asks unless told otherwise?
@@ -88,10 +84,6 @@ class Effect(ABC):
     def of_term(self, values: Mapping[str, float], variant: str) -> Effect:
         """The law of a term; a measured curve has the shape that the term's values say."""
         return self
-
-    def spent(self, values: Mapping[str, float]) -> float:
-        """How many parameters the law cost beside those that it declares: a measured shape's."""
-        return 0.0
 
 
 class ForceEffect(Effect):
@@ -169,10 +161,6 @@ class ActuatorEffect(Effect):
     def finer(self, memory: Memory, times: int) -> Memory:
         """The memory for a grid that is so many times finer from here on."""
         return memory
-
-    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Between which sizes of a command what comes out follows it, and does not stand still."""
-        return 0.0, np.inf
 
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray

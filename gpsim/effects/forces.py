@@ -48,11 +48,6 @@ class Forces:
     def __bool__(self) -> bool:
         return bool(self._effects)
 
-    @property
-    def dry(self) -> bool:
-        """Whether dry friction is among them."""
-        return bool(self.rubbing)
-
     @cached_property
     def rubbing(self) -> frozenset[str]:
         """The coordinates on which dry friction is."""

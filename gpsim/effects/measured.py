@@ -86,10 +86,6 @@ class Measured(Effect):
         """The law with the term's own shape."""
         return _shaped(type(self), variant, tuple(values.items()))
 
-    def spent(self, values: Mapping[str, float]) -> float:
-        """The shape's effective parameters; one of them is the scale."""
-        return max(values.get(FREEDOM, 1.0) - 1.0, 0.0)
-
 
 @lru_cache(maxsize=256)
 def _shaped(kind: type[Measured], variant: str, values: tuple[tuple[str, float], ...]) -> Measured:

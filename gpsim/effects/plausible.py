@@ -1,8 +1,7 @@
-"""Whether a size is one that machines have, and what it costs where it is not."""
+"""Whether a size is one that machines have."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from gpsim.effects.effect import Effect
@@ -28,11 +27,3 @@ def times_beyond(parameter: EffectParameter, value: float) -> float:
     if size > high:
         return size / high
     return low / max(size, LEAST * low) if size < low else 1.0
-
-
-def implausibility(parameter: EffectParameter, value: float, doubled: float) -> float:
-    """Nats that a size costs: none within the usual range, `doubled` of them a factor of two outside of it.
-
-    The tail of a log-normal distribution from the range's ends on, without a step or a kink there.
-    """
-    return doubled * math.log2(times_beyond(parameter, value)) ** 2

@@ -6,7 +6,6 @@ NumPy is the reference (`gpsim.effects.Chain`): what a chain needs that is not h
 from gpsim.kernels.marching import (
     Commands,
     Past,
-    Pushed,
     actuators_of,
     at_rest,
     can_compile,
@@ -23,7 +22,6 @@ __all__ = [
     "Hat",
     "Past",
     "Program",
-    "Pushed",
     "actuators_of",
     "at_rest",
     "can_compile",

@@ -109,7 +109,6 @@ CHANGING: Final = 15
 WIDTH: Final = 16
 LOOKS: Final = 17
 UNEVEN: Final = 18
-PUSHED: Final = 19  # 1 and which rate a push is added to, 0: none is
 
 # Actuators: their laws, and the columns of their table: the law, its action, its first value, its conditions (from,
 # to), its first place in memory, how many commands it remembers, whether others follow on the same way.

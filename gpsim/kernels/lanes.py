@@ -55,15 +55,13 @@ LIGHTER: Final = 49 * LANES
 ONE: Final = 50 * LANES
 # When the transition began.
 BEGAN: Final = 51 * LANES
-# What is added to a rate in this transition.
-PUSH: Final = 52 * LANES
 # The commands as they reached the drives.
-REACHED: Final = 53 * LANES
+REACHED: Final = 52 * LANES
 # How far the bristles of each coordinate are bent.
-BENT: Final = 55 * LANES
+BENT: Final = 54 * LANES
 # How far the drive of each action is twisted, and how fast; how a coordinate moves without it, and what it adds.
-TWIST: Final = 57 * LANES
-FREE: Final = 61 * LANES
-LIGHT: Final = 62 * LANES
-GIVEN: Final = 63 * LANES
-SIZE: Final = 64 * LANES
+TWIST: Final = 56 * LANES
+FREE: Final = 60 * LANES
+LIGHT: Final = 61 * LANES
+GIVEN: Final = 62 * LANES
+SIZE: Final = 63 * LANES

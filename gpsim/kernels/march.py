@@ -10,13 +10,12 @@ from gpsim.kernels.codes import (
     ACTIONS,
     LOOKS,
     PER_SUBSTEP,
-    PUSHED,
     SUBSTEPS,
     UNEVEN,
     WIDTH,
 )
 from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
-from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, PUSH, SIZE, TOGETHER, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, SIZE, TOGETHER, U1, H, T, U, X
 from gpsim.kernels.scalars import place, tamed
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
@@ -139,8 +138,8 @@ TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 
 @entry(
-    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {I1},"
-    f" float64, {F2}, {F3}, {F3}, int64, int64, int64)"
+    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2},"
+    f" {F2}, {F3}, {F3}, int64, int64, int64)"
 )
 def march(
     layout: IntArray,
@@ -163,8 +162,6 @@ def march(
     before: int,
     given: FloatArray,
     memories: FloatArray,
-    when: IntArray,
-    push: float,
     bends: FloatArray,
     out: FloatArray,
     passed: FloatArray,
@@ -181,7 +178,6 @@ def march(
     even; stood: (W,) whether a window's system stood still before it.
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
-    when: (B,) the transition in which a `push` is added to the rate that the layout names, if it does.
     bends: (B, 6) how far bristles are bent and drives twisted as the windows begin, (B, 0) where there are none.
     """
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
@@ -230,10 +226,6 @@ def march(
                     b[T + i] = b[BEGAN + i] + j * b[H + i]
             if looks:
                 acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
-            if layout[PUSHED] and (m <= 0 or j == 0):
-                for i in range(lanes):
-                    at = when[min(begin + i, last - 1)]
-                    b[PUSH + i] = push if m >= 0 and k == at else 0.0
             advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares, steady)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)

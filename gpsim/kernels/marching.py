@@ -59,15 +59,6 @@ class Past:
     stood: IntArray
 
 
-@dataclass(frozen=True)
-class Pushed:
-    """What is added to a rate in one transition of each row, `when` (B,): so much, throughout it."""
-
-    when: IntArray
-    rate: int
-    push: float
-
-
 @cache
 def can_compile() -> bool:
     """Whether numba is there."""
@@ -119,12 +110,11 @@ def travelled(
     clock: FloatArray,
     window: IntArray,
     given: FloatArray,
-    before: FloatArray | None,
     actuators: Actuators,
     threads: int = 1,
     led: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
-    """(U, K + L n, A) what reaches the simulator, `before` (U, K, A) the windows, where that is known, and in them.
+    """(U, L n, A) what reaches the simulator in the windows.
 
     given: (W, L, A) the windows' commands, of each row's `window` (U,); led: clock (W, M + 1) s and commands (W, M, A)
     of whole control steps that lead up to them, on an even clock. The actuators are as the first of all these finds
@@ -133,9 +123,7 @@ def travelled(
     from gpsim.kernels.passing import travel  # which imports numba
 
     rows, (length, actions) = len(window), given.shape[1:]
-    past = 0 if before is None else before.shape[1]
-    out = np.empty((rows, past + length * n, actions))
-    out[:, :past] = 0.0 if before is None else before
+    out = np.empty((rows, length * n, actions))
     layout = _layout(program, n, finely=True, uneven=actuators.uneven)
     earlier, told = led or (np.empty((len(clock), 1)), np.empty((len(clock), 0, actions)))
     tables = (layout, actuators.table, program.conditions, program.knots, _own(values))
@@ -155,7 +143,6 @@ def marched(
     commands: Commands,
     threads: int = 1,
     past: Past | None = None,
-    pushed: Pushed | None = None,
     bends: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """(B, L + 1, S) states at the transitions' ends; (B, D + L n, S) at the substeps' ends where the `past` matters.
@@ -177,10 +164,8 @@ def marched(
     told = (_own(values), _own(starts), _own(clock), _own(past.earlier), past.stood, window)
     known = (_own(commands.acted), commands.which, commands.before)
     given = np.empty((0, 0, 0)) if commands.given is None else _own(commands.given)
-    layout[codes.PUSHED] = 0 if pushed is None else 1 + pushed.rate
-    pushes = (np.empty(0, np.int64), 0.0) if pushed is None else (pushed.when, pushed.push)
     bent = np.empty((rows, 0)) if bends is None else _own(bends)
-    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, *pushes, bent)
+    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, bent)
     _shared(march, (*arguments, out, passed, past.depth), rows, rows * length * n, threads)
     return out, passed
 

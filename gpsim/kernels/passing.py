@@ -236,14 +236,13 @@ def travel(
     first: int,
     last: int,
 ) -> None:
-    """Fill out (U, K, A), the last L n of K, with what reaches the simulator in the windows, whatever its state.
+    """Fill out (U, L n, A) with what reaches the simulator in the windows, whatever its state.
 
     values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); earlier:
     (W, M + 1) s and led: (W, M, A), those of whole control steps before; memories: (U, .) at their start, or (1, .).
     """
     n, width = layout[SUBSTEPS], memories.shape[1]
     count, times = given.shape[1] * n, n if led.shape[1] else 1
-    before = out.shape[1] - count
     most = max(count, led.shape[1]) + n * width  # twice what a delay remembers at least, and what comes
     room, of, v = np.empty((6, 3 * most)), np.empty(3 * most, dtype=np.int64), np.empty((values.shape[1], 1))
     memory, nothing = np.empty(width), np.empty((0, given.shape[2]))
@@ -254,4 +253,4 @@ def travel(
         tables = (layout, actuators, conditions, knots, v, memory)
         if led.shape[1]:
             pass_on(*tables, earlier[w], led[w], 1, 1, nothing, room, of)
-        pass_on(*tables, clock[w], given[w], n, times, out[row, before:], room, of)
+        pass_on(*tables, clock[w], given[w], n, times, out[row], room, of)

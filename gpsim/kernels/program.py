@@ -145,7 +145,7 @@ class _Writer:
         first = [self.system, SCHEMES[chain.scheme], inner.held[0] if inner.held else -1, len(inner.kept)]
         first += [len(chain.simulator.action), 1, 0, ahead, still]
         return Program(
-            np.array([*first, *ends, int(changing), LANES, int(chain.actuation.looks), 0, 0], dtype=np.int64),
+            np.array([*first, *ends, int(changing), LANES, int(chain.actuation.looks), 0], dtype=np.int64),
             _table(self.terms, codes.TERM_WIDTH),
             _table(self.conditions, codes.CONDITION_WIDTH),
             _table(self.curves, codes.CURVE_WIDTH),

@@ -27,7 +27,6 @@ from gpsim.kernels.codes import (
     ON,
     OPENING,
     PARAMETERS,
-    PUSHED,
     RATES,
     RK4,
     SCHEME,
@@ -44,7 +43,7 @@ from gpsim.kernels.curves import curve_at
 from gpsim.kernels.elastic import transmit, turn_on
 from gpsim.kernels.friction import push, rub_all
 from gpsim.kernels.gates import find_shares
-from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, PUSH, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
+from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
 from gpsim.kernels.laws import twist
 from gpsim.kernels.scalars import blended, place
 from gpsim.kernels.systems import rates, slope, turning
@@ -117,10 +116,6 @@ def find(
                     b[R + at] = blended(shares[n, i], b[R + at], b[SUM + at])
     for n in range(layout[RATES], layout[TERMS]):
         add_curve(b, lanes, layout, terms, n, curves, knots, v, shares)
-    if layout[PUSHED]:
-        at = place(R + (layout[PUSHED] - 1) * LANES)
-        for i in range(lanes):
-            b[at + i] += b[PUSH + i]
     if drives:
         for i in range(2 * LANES):
             b[U + i] = b[REACHED + i]

@@ -14,7 +14,7 @@ from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.fitting.problem import predicted
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, WindowSettings

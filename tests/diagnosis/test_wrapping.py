@@ -11,7 +11,7 @@ from gpsim.channels import Channels, wrap_angle
 from gpsim.corrected.effects_plant import EffectsPlant, plant_from
 from gpsim.diagnosis.assessment.remainder_gp import _features
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.fitting.problem import predicted
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator

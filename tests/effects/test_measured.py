@@ -81,10 +81,8 @@ def test_the_catalogue_offers_no_curve():
         effect_of("no_such_thing")
 
 
-def test_a_shape_pays_for_its_freedom():
-    term = Term("force_curve", "q", SHAPE.values(7.5), variant="speed")
-    assert term.effect.spent(term.values) == 6.5  # one is the scale
-    assert shape_of(term.values) == SHAPE
+def test_a_shape_comes_back_from_its_values():
+    assert shape_of(SHAPE.values(7.5)) == SHAPE
 
 
 def test_a_term_comes_back_from_its_file():

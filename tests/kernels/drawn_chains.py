@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis, Pushes
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, WindowSettings
@@ -71,9 +71,7 @@ def drawn(
     return Drawn(hypothesis.terms, hypothesis, thetas)
 
 
-def both(
-    simulator: Simulator, windows: Windows, what: Drawn, n: int, pushes: Pushes | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def both(simulator: Simulator, windows: Windows, what: Drawn, n: int) -> tuple[np.ndarray, np.ndarray]:
     """What compiled code and NumPy say."""
     chain = what.hypothesis.chain(simulator, simulator_parameters(simulator), DT)
     assert program_of(chain) is not None, chain
@@ -82,7 +80,7 @@ def both(
     said = []
     for compiled in (True, False):
         run = Run(settings=Settings(windows=WindowSettings(compiled=compiled)))
-        said.append(simulate(run, chain, windows, starts, what.hypothesis.spread, what.thetas, n, pushes))
+        said.append(simulate(run, chain, windows, starts, what.hypothesis.spread, what.thetas, n))
     return said[0], said[1]
 
 
@@ -90,10 +88,8 @@ def simulator_parameters(simulator: Simulator) -> dict[str, float]:
     return simulator.defaults()
 
 
-def the_same(
-    simulator: Simulator, windows: Windows, what: Drawn, n: int, pushes: Pushes | None = None
-) -> None:
-    got, expected = both(simulator, windows, what, n, pushes)
+def the_same(simulator: Simulator, windows: Windows, what: Drawn, n: int) -> None:
+    got, expected = both(simulator, windows, what, n)
     assert np.isfinite(expected).all()
     assert np.abs(got - expected).max() <= CLOSE * max(np.abs(expected).max(), 1.0), what.hypothesis.names
 

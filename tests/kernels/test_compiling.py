@@ -114,8 +114,8 @@ def test_nobody_pays_for_it_who_simulates_nothing() -> None:
 
 def compiles(monkeypatch: pytest.MonkeyPatch, run: Run) -> bool:
     """Whether a simulation of windows asks compiled code."""
-    asked, simulated = [], simulating.simulated
-    monkeypatch.setattr(simulating, "simulated", lambda *given: asked.append(1) or simulated(*given))
+    asked, simulated = [], simulating.by_compiled_code
+    monkeypatch.setattr(simulating, "by_compiled_code", lambda *given: asked.append(1) or simulated(*given))
     windows, what = windows_of(SLIDER, np.random.default_rng(0)), np.empty((1, 0))
     simulating.simulate(run, CHAIN, windows, windows.measured[None, :, 0], Hypothesis().spread, what, 1)
     return bool(asked)

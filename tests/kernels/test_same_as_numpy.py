@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from drawn_chains import (
     COPIES,
-    COUNT,
     DT,
-    LENGTH,
     SCHEMES,
     Drawn,
     both,
@@ -21,7 +19,7 @@ from drawn_chains import (
 )
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.fitting import Hypothesis, Pushes
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
 from gpsim.effects import (
@@ -106,17 +104,6 @@ def test_commands_of_a_row_do_not_depend_on_other_rows() -> None:
         states = np.empty((count, 61, 0))
         said.append(chain.commands(given[rows], states, each, memory, step[rows], t[rows])[0])
     np.testing.assert_array_equal(*said)
-
-
-@pytest.mark.parametrize("name", SIMULATORS)
-def test_a_push_on_a_rate_in_one_transition(name: str) -> None:
-    rng, simulator = np.random.default_rng(5), make_simulator(name)
-    windows, rates = windows_of(simulator, rng), len(simulator.rate)
-    for i, (family, on, variant) in enumerate(places(name)):
-        gate = Gate(region(simulator, rng)) if FAMILIES[family].needs_region else Gate()
-        what = drawn(simulator, [(family, on, variant, gate)], SCHEMES[i % 4], rng)
-        when = rng.integers(LENGTH, size=COPIES * COUNT)
-        the_same(simulator, windows, what, 1 + i % 2, Pushes(when, i % rates, rates, 3.0))
 
 
 @pytest.mark.parametrize("seed", range(6))

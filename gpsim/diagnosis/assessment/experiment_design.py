@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis, Problem
+from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.report import Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
@@ -125,7 +125,5 @@ def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
 
 def _moves(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     """(E, L + 1, S) what is measured, less its start: a start state can hide a difference there."""
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    starts = windows.measured[None, :, 0]
-    said = problem.simulated(chain, windows, starts, hypothesis.spread, hypothesis.theta[None])[0]
+    said = predicted(problem, windows, hypothesis, starts=windows.measured[:, 0])
     return np.asarray(said - said[:, :1])

@@ -1,11 +1,15 @@
-"""A hypothesis: the terms that are said to be missing, and how the truth is integrated."""
+"""A hypothesis: the terms that are said to be missing, how the truth is integrated, and its sizes as a fit has them.
+
+In a fit's coordinates 0 does nothing, and sizes have a prior: what multiplies is fitted as a log ratio, what limits as
+an inverse, all else as a difference from what does nothing. A mass of five times and a motor's gain of 0.002 then cost
+evidence in the fit, and need no veto after it.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +17,6 @@ from gpsim.channels import FloatArray
 from gpsim.effects import (
     Chain,
     EffectParameter,
-    ForceEffect,
     Gate,
     Place,
     Scheme,
@@ -26,6 +29,12 @@ from gpsim.effects import (
 )
 from gpsim.simulators import Simulator
 
+LOG_SIZE = (
+    0.4  # standard deviation of a ratio's logarithm a priori: masses and gains are off by tens of per cent
+)
+WIDE = 15.0  # scales, the standard deviation of every other parameter a priori: it keeps open directions from running
+SMALLEST_RATIO = 0.02  # of what multiplies: no machine has less
+DIFFERENCE, RATIO, LIMIT = range(3)  # what a coordinate is: see above
 SPELT_OUT = 4  # terms that a label names one by one; of more it counts those of a family
 
 
@@ -36,7 +45,7 @@ class Hypothesis:
     terms: tuple[Term, ...] = ()
     declared: tuple[tuple[EffectParameter, ...], ...] = ()
     scheme: Scheme = "fine"
-    _made: dict[tuple[int, int, float], tuple[Any, ...]] = field(
+    _made: dict[tuple[int, int, float], Chain] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -52,11 +61,6 @@ class Hypothesis:
             [t.values[p.name] for t, group in zip(self.terms, self.declared, strict=True) for p in group],
             dtype=float,
         )
-
-    @property
-    def size(self) -> float:
-        """How many parameters it costs: those that are fitted, and those that the shapes of measured curves took."""
-        return len(self.parameters) + sum(t.effect.spent(t.values) for t in self.terms)
 
     def times_beyond(self, index: int) -> float:
         """By which factor a term's sizes lie outside of what machines of the kind have, at most; 1 within."""
@@ -83,32 +87,14 @@ class Hypothesis:
             f"{t.family} on {'+'.join(t.places)}{_behind(t.gate)}{_of_its_own(t)}" for t in self.terms
         )
 
-    @property
-    def idle(self) -> bool:
-        """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
-        return not self.terms or bool(self._idlers)
-
-    @property
-    def working(self) -> Hypothesis:
-        """Without the terms that do nothing."""
-        return self.without_all(self._idlers)
-
-    @property
-    def _idlers(self) -> list[int]:
-        return [
-            i
-            for i, (term, group) in enumerate(zip(self.terms, self.declared, strict=True))
-            if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
-        ]
-
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""
-        terms, at = [], 0
-        for term, group in zip(self.terms, self.declared, strict=True):
-            values = {p.name: float(theta[at + i]) for i, p in enumerate(group)}
-            terms.append(replace(term, values={**term.values, **values}))
-            at += len(group)
-        other = replace(self, terms=tuple(terms))
+        value = iter(theta.tolist())
+        terms = tuple(
+            replace(term, values={**term.values, **{p.name: next(value) for p in group}})
+            for term, group in zip(self.terms, self.declared, strict=True)
+        )
+        other = replace(self, terms=terms)
         other._made.update(self._made)  # what simulates it does not depend on its values
         return other
 
@@ -116,25 +102,20 @@ class Hypothesis:
         """One term more."""
         return replace(self, terms=(*self.terms, term), declared=(*self.declared, declared))
 
-    def without(self, index: int) -> Hypothesis:
-        """One term less."""
-        keep = [i for i in range(len(self.terms)) if i != index]
+    def without_all(self, indices: Collection[int]) -> Hypothesis:
+        """Several terms less."""
+        keep = [i for i in range(len(self.terms)) if i not in indices]
         return replace(
             self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
         )
 
-    def without_all(self, indices: Collection[int]) -> Hypothesis:
-        """Several terms less."""
-        rest = self
-        for index in sorted(indices, reverse=True):
-            rest = rest.without(index)
-        return rest
+    def without(self, index: int) -> Hypothesis:
+        """One term less."""
+        return self.without_all((index,))
 
     def gated(self, index: int, gate: Gate) -> Hypothesis:
         """One term behind another gate."""
-        terms = list(self.terms)
-        terms[index] = replace(terms[index], gate=gate)
-        return replace(self, terms=tuple(terms))
+        return self._changed(index, replace(self.terms[index], gate=gate), self.declared[index])
 
     def with_own(self, index: int, recording: int) -> Hypothesis:
         """One term with values of its own in one of several recordings, which begin as they are there now."""
@@ -144,14 +125,14 @@ class Hypothesis:
             for name, p in {base_name(p.name): p for p in declared}.items()
         )
         values = {p.name: term.values[base_name(p.name)] for p in own}
-        return self._changed(index, {**term.values, **values}, (*declared, *own))
+        return self._changed(index, replace(term, values={**term.values, **values}), (*declared, *own))
 
     def without_shared(self, index: int) -> Hypothesis:
         """One term that does nothing but in the recordings that have values of their own."""
         term, declared = self.terms[index], self.declared[index]
         nothing = {p.name: p.none for p in declared if owner_of(p.name) is None}
         own = tuple(p for p in declared if owner_of(p.name) is not None)
-        return self._changed(index, {**term.values, **nothing}, own)
+        return self._changed(index, replace(term, values={**term.values, **nothing}), own)
 
     def in_recording(self, recording: int | None) -> Hypothesis:
         """What it says of one of several recordings, without what does nothing there; None: of any other one."""
@@ -160,22 +141,17 @@ class Hypothesis:
             tuple({base_name(p.name): replace(p, name=base_name(p.name)) for p in group}.values())
             for group in self.declared
         )
-        return replace(self, terms=terms, declared=declared).working
+        nothing = [
+            i
+            for i, (term, group) in enumerate(zip(terms, declared, strict=True))
+            if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
+        ]
+        return replace(self, terms=terms, declared=declared).without_all(nothing)
 
-    def _changed(
-        self, index: int, values: Mapping[str, float], declared: tuple[EffectParameter, ...]
-    ) -> Hypothesis:
+    def _changed(self, index: int, term: Term, declared: tuple[EffectParameter, ...]) -> Hypothesis:
         terms, groups = list(self.terms), list(self.declared)
-        terms[index], groups[index] = replace(terms[index], values=values), declared
+        terms[index], groups[index] = term, declared
         return replace(self, terms=tuple(terms), declared=tuple(groups))
-
-    def holding(self, index: int) -> Hypothesis:
-        """The same terms, parameter `index` of theta no longer fitted."""
-        held, at = [], 0
-        for group in self.declared:
-            held.append(tuple(p for i, p in enumerate(group) if at + i != index))
-            at += len(group)
-        return replace(self, declared=tuple(held))
 
     def frozen(self) -> Hypothesis:
         """The same terms with nothing left to fit."""
@@ -185,44 +161,17 @@ class Hypothesis:
         """What simulates it, made once for all values of its parameters."""
         key = id(simulator), id(parameters), dt
         if key not in self._made:
-            self._made[key] = (
-                Chain(simulator, parameters, self.terms, self.scheme, dt),
-                simulator,
-                parameters,
-            )
-        chain: Chain = self._made[key][0]
-        return chain
+            self._made[key] = Chain(simulator, parameters, self.terms, self.scheme, dt)
+        return self._made[key]  # it holds the two, so that nothing else gets their id
 
     def spread(self, thetas: FloatArray, repeat: int) -> list[dict[str, FloatArray]]:
         """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""
-        columns = np.repeat(thetas, repeat, axis=0)
-        out, at = [], 0
+        columns, out = np.repeat(thetas, repeat, axis=0), []
+        column = iter(columns.T)
         for term, group in zip(self.terms, self.declared, strict=True):
             held = {name: np.full(len(columns), value) for name, value in term.values.items()}
-            out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
-            at += len(group)
+            out.append(held | {p.name: next(column) for p in group})
         return out
-
-
-def _behind(gate: Gate) -> str:
-    """Where and since when a term acts, in a few words; empty where always and everywhere."""
-    said = [f" for {name} in [{low:.4g}, {high:.4g}]" for name, (low, high) in gate.region.items()]
-    if gate.since is not None:
-        said.append(f" since {gate.since:.4g} s")
-    if gate.since_episode is not None:
-        said.append(f" since episode {gate.since_episode}")
-    return "".join(said)
-
-
-def _of_its_own(term: Term) -> str:
-    """In which recordings, the first is 1, its values are their own."""
-    return f" (own in recording {', '.join(str(k + 1) for k in term.owners)})" if term.owners else ""
-
-
-def _same(one: tuple[float, float], other: tuple[float, float], tolerance: float) -> bool:
-    """Whether the edges of two regions are apart by no more than that part of their width."""
-    width = max(one[1] - one[0], other[1] - other[0])
-    return all(a == b or abs(a - b) <= tolerance * width for a, b in zip(one, other, strict=True))
 
 
 @dataclass(frozen=True)
@@ -250,12 +199,6 @@ class Candidate:
         return effect_of(self.family).gated and self.variant == ""
 
     @property
-    def dry(self) -> bool:
-        """Whether it is dry friction, which in coarse steps chatters."""
-        effect = effect_of(self.family)
-        return isinstance(effect, ForceEffect) and effect.dry
-
-    @property
     def only_gated(self) -> bool:
         """Whether it makes sense in a region only."""
         return effect_of(self.family).needs_region
@@ -264,3 +207,79 @@ class Candidate:
         """The term with parameter values in declared order."""
         named = {p.name: float(v) for p, v in zip(self.declared, values, strict=True)}
         return Term(self.family, self.place.on, named, variant=self.variant)
+
+
+def _behind(gate: Gate) -> str:
+    """Where and since when a term acts, in a few words; empty where always and everywhere."""
+    said = [f" for {name} in [{low:.4g}, {high:.4g}]" for name, (low, high) in gate.region.items()]
+    if gate.since is not None:
+        said.append(f" since {gate.since:.4g} s")
+    if gate.since_episode is not None:
+        said.append(f" since episode {gate.since_episode}")
+    return "".join(said)
+
+
+def _of_its_own(term: Term) -> str:
+    """In which recordings, the first is 1, its values are their own."""
+    return f" (own in recording {', '.join(str(k + 1) for k in term.owners)})" if term.owners else ""
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The coordinates (P,) of some parameters: kinds, and per coordinate its bounds, scale and prior deviation."""
+
+    parameters: tuple[EffectParameter, ...]
+    kind: FloatArray
+    low: FloatArray
+    high: FloatArray
+    scale: FloatArray
+    prior: FloatArray
+    centre: FloatArray
+
+    def natural(self, z: FloatArray) -> FloatArray:
+        """(..., P) parameters in their units, of coordinates (..., P)."""
+        out, ratio, limit = self.none + z, self.kind == RATIO, self.kind == LIMIT
+        out[..., ratio] = np.exp(z[..., ratio])
+        out[..., limit] = 1.0 / np.maximum(z[..., limit], self.tiny[limit])
+        return np.asarray(out)
+
+    def of(self, theta: FloatArray) -> FloatArray:
+        """(P,) coordinates of parameters in their units."""
+        out, ratio, limit = np.asarray(theta) - self.none, self.kind == RATIO, self.kind == LIMIT
+        out[ratio] = np.log(np.maximum(theta[ratio], SMALLEST_RATIO))
+        out[limit] = 1.0 / np.maximum(theta[limit], 1e-300)
+        return np.asarray(np.clip(out, self.low, self.high))
+
+    def slope(self, z: FloatArray) -> FloatArray:
+        """(P,) by how much each parameter changes with its coordinate."""
+        value = self.natural(z)
+        return np.select([self.kind == RATIO, self.kind == LIMIT], [value, -(value**2)], 1.0)
+
+    @property
+    def none(self) -> FloatArray:
+        """(P,) the parameters at which nothing happens."""
+        return np.array([0.0 if p.falls else p.none for p in self.parameters])
+
+    @property
+    def tiny(self) -> FloatArray:
+        """(P,) below which a limit's coordinate is taken for no limit at all."""
+        return np.maximum(1e-6 * self.scale, 1e-300)
+
+
+def coordinates(parameters: Sequence[EffectParameter]) -> Coordinates:
+    """The fit coordinates of parameters, in their order."""
+    rows = [_row(p) for p in parameters]
+    table = np.array(rows, dtype=float).reshape(len(rows), 6)
+    return Coordinates(tuple(parameters), *table.T)
+
+
+def _row(p: EffectParameter) -> tuple[float, ...]:
+    """Kind, low, high, scale, prior deviation and the prior's centre."""
+    if p.falls:
+        typical = p.starts[0] if p.starts[0] > 0 else p.scale
+        return LIMIT, 0.0, 1.0 / max(p.low, 0.05 * typical), 0.3 / typical, WIDE / typical, 0.0
+    if p.none == 1.0 and p.high > 0.0:
+        low = max(p.low, SMALLEST_RATIO)
+        return RATIO, np.log(low), np.log(max(p.high, 2 * low)), 0.3, LOG_SIZE, 0.0
+    start = p.starts[0] - p.none if p.place else 0.0
+    return DIFFERENCE, p.low - p.none, p.high - p.none, p.scale, WIDE * p.scale, start

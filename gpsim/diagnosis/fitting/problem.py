@@ -1,22 +1,27 @@
-"""The problem of a fit: windows to explain, the simulator that should, and the likelihood of what is left over."""
+"""The problem of a fit: windows to explain, the simulator that should, and what a hypothesis says of such windows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting.actuation import Spread
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.rollout import Extra
-from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.fitting.simulate import Extra, simulate
 from gpsim.diagnosis.run import Run
 from gpsim.effects import Chain
 from gpsim.simulators import Simulator
+
+INVERSION_ITERATIONS = 20  # Newton's steps at most
+INVERSION_SETTLED = 1e-9  # of a channel's typical size: a step that small is the last
+INVERSION_NUDGE = 1e-3
+"""Of a channel's typical size: how far a state is moved to see what its sensor makes of it."""
+LEAST_SENSOR_GAIN = 0.01  # a sensor that answers less is taken for one that reads the truth
+MOST_SENSOR_GAIN = 100.0  # a sensor that answers more is, too
 
 
 @dataclass(frozen=True)
@@ -88,28 +93,114 @@ class Problem:
 
     def simulated(
         self,
-        chain: Chain,
+        hypothesis: Hypothesis,
         windows: Windows,
         starts: FloatArray,
-        spread: Spread,
         thetas: FloatArray,
         extra: Extra | None = None,
     ) -> FloatArray:
-        """`simulate` in the steps that the chain calls for here."""
-        return simulate(self.run, chain, windows, starts, spread, thetas, self.steps(chain), extra)
+        """(C, W, L + 1, S) what sensors would say for thetas (C, P), starts (C, W, S), in as many steps as needed."""
+        chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
+        return simulate(self.run, chain, windows, starts, hypothesis.spread, thetas, self.steps(chain), extra)
+
+    def gaps(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
+        """(C, W, L + 1, S) measured minus simulated, 0 where nothing counts."""
+        said = self.simulated(hypothesis, self.windows, starts, thetas)
+        gap = self.simulator.gap(self.windows.measured[None], said)
+        gap[:, ~self.counted] = 0.0
+        return gap
 
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
-        """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S), weighted.
-
-        0 where nothing counts.
-        """
-        chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
-        said = self.simulated(chain, self.windows, starts, hypothesis.spread, thetas)
-        residual = self.simulator.gap(self.windows.measured[None], said)
-        residual *= self.root_weights
-        return residual
+        """The same, weighted."""
+        return self.gaps(hypothesis, thetas, starts) * self.root_weights
 
 
 def mean_squares(problem: Problem, residual: FloatArray) -> FloatArray:
     """(S,) of the residual (W, L + 1, S), over its degrees of freedom."""
     return np.asarray((residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
+
+
+def predicted(
+    problem: Problem,
+    windows: Windows,
+    hypothesis: Hypothesis,
+    extra: Extra | None = None,
+    starts: FloatArray | None = None,
+) -> FloatArray:
+    """(W, L + 1, S) what the sensors would say, from starts (W, S), else the measured ones; `extra` rates are added."""
+    begun = true_starts(problem, windows, hypothesis) if starts is None else starts
+    return np.asarray(problem.simulated(hypothesis, windows, begun[None], hypothesis.theta[None], extra)[0])
+
+
+def has_sensors(hypothesis: Hypothesis) -> bool:
+    """Whether it says that a sensor reads something else than the true state."""
+    return any(term.effect.site == "sensor" for term in hypothesis.terms)
+
+
+def without_sensors(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis about what happened, whatever the sensors said of it."""
+    return hypothesis.without_all([i for i, t in enumerate(hypothesis.terms) if t.effect.site == "sensor"])
+
+
+def as_it_was(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Windows:
+    """Single transitions with the true states at both ends, as far as the hypothesis's sensors tell, for measured ones.
+
+    Of a late sensor's first readings in an episode it takes the second to be one of a motion that went on before.
+    """
+    ends = [true_starts(problem, part, hypothesis) for part in (windows, _next(windows))]
+    return replace(windows, measured=np.stack(ends, axis=1))
+
+
+def _next(windows: Windows) -> Windows:
+    """Single transitions that begin where those of `windows` end; what happens in them nobody knows."""
+    t = windows.t[:, 1:]
+
+    def later(before: FloatArray, now: FloatArray) -> FloatArray:
+        return np.concatenate([before[:, 1:], now], axis=1)
+
+    return replace(
+        windows,
+        measured=np.repeat(windows.measured[:, 1:], 2, axis=1),
+        t=np.concatenate([t, t + np.diff(windows.t, axis=1)], axis=1),
+        before_states=later(windows.before_states, windows.measured[:, :1]),
+        before_actions=later(windows.before_actions, windows.actions),
+        before_t=later(windows.before_t, t),
+        fresh=np.zeros_like(windows.fresh),
+    )
+
+
+def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+    """(W, S) true states whose measurement is what was measured: Newton's steps with each sensor's own gain."""
+    measured = windows.measured[:, 0]
+    if not has_sensors(hypothesis):
+        return measured
+    first = replace(
+        windows,
+        measured=windows.measured[:, :2],
+        actions=windows.actions[:, :1],
+        t=windows.t[:, :2],
+        valid=windows.valid[:, :2],
+    )
+
+    def said(state: FloatArray) -> FloatArray:
+        return predicted(problem, first, hypothesis, starts=state)[:, 0]
+
+    state, gains = measured, _gains(problem, measured, said)
+    for _ in range(INVERSION_ITERATIONS):
+        change = difference(measured, said(state), problem.simulator.state) / gains
+        state = state + change
+        if (np.abs(change) < INVERSION_SETTLED * problem.scale).all():
+            break
+    return state
+
+
+def _gains(problem: Problem, state: FloatArray, said: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """(W, S) how much more each channel reads where its state is more."""
+    channels, before = problem.simulator.state, said(state)
+    gains = np.ones_like(state)
+    for i, nudge in enumerate(INVERSION_NUDGE * problem.scale):
+        moved = np.array(state)
+        moved[:, i] += nudge
+        gains[:, i] = difference(said(moved), before, channels)[:, i] / nudge
+    answers = (gains > LEAST_SENSOR_GAIN) & (gains < MOST_SENSOR_GAIN)
+    return np.where(answers, gains, 1.0)

@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.fitting.coordinates import Coordinates, coordinates
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.hypothesis import Coordinates, Hypothesis, coordinates
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.effects import closed
 
@@ -57,7 +56,7 @@ class Fit:
     """A hypothesis fitted to windows, or where its fit stands.
 
     z: (P,) its coordinates; starts: (W, S); residuals: (W, L + 1, S) in the channels' units, 0 where nothing counts;
-    costs: (W,) nats under the noise; prior: nats; information: (W, P, P) of each window on the coordinates, start
+    costs: (W,) nats under the noise; prior: nats; by_window: (W, P, P) each one's information on the coordinates, start
     states projected out, and gradients: (W, P), where slopes were last found.
     """
 
@@ -85,13 +84,11 @@ class Fit:
     def learnt_from(self, windows: IntArray) -> Hypothesis:
         """The hypothesis as some of the windows alone say: one step from the whole, as a jackknife takes."""
         own = coordinates(self.hypothesis.parameters)
-        held = 1.0 / own.prior**2
+        held, of = 1.0 / own.prior**2, self.gradients
+        back = held * (self.z - own.centre)
         information = self.by_window[windows].sum(axis=0) + np.diag(held)
-        pull = self.gradients[windows].sum(axis=0) - held * (self.z - own.centre)
-        pull -= (
-            (self.gradients.sum(axis=0) - held * (self.z - own.centre)) * len(windows) / len(self.gradients)
-        )
-        move = bounded_step(information, pull, 1e-9, self.z, own.low, own.high)
+        pull = of[windows].sum(axis=0) - back - (of.sum(axis=0) - back) * len(windows) / len(of)
+        move = bounded_step(information, pull, 1e-9, self.z, own)
         return self.hypothesis.having(own.natural(np.clip(self.z + move, own.low, own.high)))
 
 
@@ -135,26 +132,17 @@ class Shooting:
     def __init__(self, problem: Problem, noise: Noise | None = None) -> None:
         self.problem = problem
         shape = problem.windows.measured.shape
-        base = np.asarray(problem.root_weights, dtype=float) * np.ones(shape)
-        self.base_weights = base
-        ones = np.ones(shape[2])
-        self.noise = noise or Noise(np.maximum(problem.floor, 1e-300), ones, base)
+        self.base_weights = np.asarray(problem.root_weights, dtype=float) * np.ones(shape)
+        self.noise = noise or Noise(np.maximum(problem.floor, 1e-300), np.ones(shape[2]), self.base_weights)
         self._nudges = STATE_STEP * problem.scale
         self._dear = closed(problem.simulator) is not None
         self._by_start: FloatArray | None = None
 
     # What a hypothesis leaves
 
-    def residuals(
-        self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray, by: Problem | None = None
-    ) -> FloatArray:
-        """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts; by: in other steps."""
-        problem = by or self.problem
-        chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-        said = problem.simulated(chain, problem.windows, starts, hypothesis.spread, thetas)
-        gap = problem.simulator.gap(problem.windows.measured[None], said)
-        gap[:, ~problem.counted] = 0.0
-        return np.asarray(gap)
+    def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
+        """(C, W, L + 1, S) in the channels' units, unweighted but 0 where nothing counts."""
+        return self.problem.gaps(hypothesis, thetas, starts)
 
     def costs(self, residual: FloatArray) -> FloatArray:
         """(..., W) half the sum of squares of residuals (..., W, L + 1, S) [nats]."""
@@ -164,12 +152,16 @@ class Shooting:
 
     def at(self, hypothesis: Hypothesis, starts: FloatArray) -> Fit:
         """A hypothesis as it is."""
-        residual = self.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+        residual, costs = self._left(hypothesis, starts)
         own = coordinates(hypothesis.parameters)
-        z = own.of(hypothesis.theta)
-        size = len(z)
-        nothing = np.zeros((len(starts), size, size)), np.zeros((len(starts), size))
-        return Fit(hypothesis, z, starts, residual, self.costs(residual), prior(own, z), self.noise, *nothing)
+        z, count = own.of(hypothesis.theta), len(starts)
+        nothing = np.zeros((count, len(z), len(z))), np.zeros((count, len(z)))
+        return Fit(hypothesis, z, starts, residual, costs, prior(own, z), self.noise, *nothing)
+
+    def _left(self, hypothesis: Hypothesis, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(W, L + 1, S) residuals and (W,) costs with the hypothesis's own values."""
+        residual = self.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+        return residual, self.costs(residual)
 
     def counted(self, point: Fit) -> Fit:
         """The same place under the noise as it is now."""
@@ -183,33 +175,25 @@ class Shooting:
         Where every simulation is dear, slopes by start states serve all fits: acceptance sees to the rest.
         """
         own = own or coordinates(point.hypothesis.parameters)
-        n = point.starts.shape[1]
-        p = len(own.parameters) if parameters else 0
-        known = self._by_start if self._dear else None
-        first = 0 if known is None else n
+        n, p, rough = point.starts.shape[1], len(own.parameters) if parameters else 0, self.problem.slopes
+        widths = step_sizes(point.hypothesis, own)
+        widths = np.where(point.z + widths <= own.high, widths, -widths)[:p]
+        steps = np.concatenate([self._nudges, widths])
         zs, copies = np.tile(point.z, (n + p, 1)), np.tile(point.starts, (n + p, 1, 1))
-        steps = np.empty(n + p)
-        for i in range(n):
-            steps[i] = self._nudges[i]
-            copies[i, :, i] += steps[i]
-        widths = step_sizes(point.hypothesis, own) if p else np.empty(0)
-        for j in range(p):
-            steps[n + j] = widths[j] if point.z[j] + widths[j] <= own.high[j] else -widths[j]
-            zs[n + j, j] += steps[n + j]
-        rough = self.problem.slopes
+        copies[np.arange(n), :, np.arange(n)] += self._nudges[:, None]
+        zs[n + np.arange(p), np.arange(p)] += widths
         before = point.residuals
         if rough is not self.problem:
-            before = self.residuals(point.hypothesis, own.natural(point.z[None]), point.starts[None], rough)[
-                0
-            ]
-        columns = np.zeros((n + p, *point.residuals.shape))
+            before = rough.gaps(point.hypothesis, own.natural(point.z[None]), point.starts[None])[0]
+        first = 0 if self._by_start is None else n
+        columns = np.zeros((n + p, *before.shape))
         if first < n + p:
-            moved = self.residuals(point.hypothesis, own.natural(zs[first:]), copies[first:], rough)
+            moved = rough.gaps(point.hypothesis, own.natural(zs[first:]), copies[first:])
             with np.errstate(all="ignore"):
                 columns[first:] = (before - moved) / steps[first:, None, None, None]
         columns = np.nan_to_num(columns, nan=0.0, posinf=0.0, neginf=0.0)
-        if known is not None:
-            columns[:n] = known
+        if self._by_start is not None:
+            columns[:n] = self._by_start
         elif self._dear:
             self._by_start = columns[:n].copy()
         white = self.noise.whitening
@@ -225,7 +209,7 @@ class Shooting:
         released: start states follow; else they stay where they are.
         """
         own = coordinates(point.hypothesis.parameters)
-        held = np.diag(1.0 / own.prior**2) if len(own.prior) else np.zeros((0, 0))
+        held = np.diag(1.0 / own.prior**2)
         damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
         for _ in range(rounds):
             slopes = self.slopes(point, own)
@@ -237,7 +221,7 @@ class Shooting:
             before = point.cost
             point = replace(point, by_window=by_window, gradients=gradients)
             for _attempt in range(ATTEMPTS):
-                move = bounded_step(information, pull, damping, point.z, own.low, own.high)
+                move = bounded_step(information, pull, damping, point.z, own)
                 new, better = self._moved(point, own, point.z + move, alone + point.starts - follow @ move)
                 per_window = np.where(
                     better, np.maximum(per_window / 5, 1e-9), np.minimum(per_window * 10, 10.0)
@@ -260,18 +244,15 @@ class Shooting:
     ) -> tuple[Fit, BoolArray]:
         """The point at z, each window from its new start state or, where that is worse, its old one."""
         z = np.clip(z, own.low, own.high)
-        theta = own.natural(z)
-        residual = self.residuals(point.hypothesis, theta[None], starts[None])[0]
-        costs = self.costs(residual)
+        moved = point.hypothesis.having(own.natural(z))
+        residual, costs = self._left(moved, starts)
         better = costs <= point.costs + 1e-9
         if not better.all():
-            old = self.residuals(point.hypothesis, theta[None], point.starts[None])[0]
-            back = self.costs(old)
+            old, back = self._left(moved, point.starts)
             worse = back < costs
             starts = np.where(worse[:, None], point.starts, starts)
             residual = np.where(worse[:, None, None], old, residual)
             costs = np.minimum(back, costs)
-        moved = point.hypothesis.having(theta)
         new = replace(
             point, hypothesis=moved, z=z, starts=starts, residuals=residual, costs=costs, prior=prior(own, z)
         )
@@ -283,8 +264,7 @@ class Shooting:
         r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)
         step = np.linalg.solve(gram, slopes.by_start.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0]
         starts = point.starts + step
-        residual = self.residuals(point.hypothesis, point.hypothesis.theta[None], starts[None])[0]
-        costs = self.costs(residual)
+        residual, costs = self._left(point.hypothesis, starts)
         better = costs < point.costs
         moved = replace(
             point,
@@ -302,13 +282,9 @@ class Shooting:
         white, times = problem.floor.copy(), np.ones(len(problem.floor))
         weights = self.base_weights.copy()
         for i in np.flatnonzero(problem.observed):
-            own = residual[..., i][seen[..., i]]
-            spread = 1.4826 * float(np.median(np.abs(own))) if len(own) else 0.0
-            sd = (
-                float(np.sqrt(np.mean(np.minimum(own**2, (CORE * spread + 1e-300) ** 2))))
-                if len(own)
-                else 0.0
-            )
+            own = residual[..., i][seen[..., i]] if seen[..., i].any() else np.zeros(1)
+            core = CORE * (1.4826 * float(np.median(np.abs(own)))) + 1e-300
+            sd = float(np.sqrt(np.mean(np.minimum(own**2, core**2))))
             white[i] = max(problem.floor[i], sd, 1e-300)
             z = np.abs(residual[..., i]) / white[i]
             weights[..., i] *= np.sqrt(OUTLYING / np.maximum(z, OUTLYING))
@@ -323,29 +299,17 @@ def prior(own: Coordinates, z: FloatArray) -> float:
 
 def step_sizes(hypothesis: Hypothesis, own: Coordinates) -> FloatArray:
     """(P,) by how much coordinates are moved to see their slopes."""
-    out, at = np.empty(len(own.parameters)), 0
+    shares = []
     for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True):
-        dry = getattr(term.effect, "dry", False)
+        smooth = STEP_OF_DRY if getattr(term.effect, "dry", False) else STEP
         for p in group:
-            share = (
-                STEP_OF_JUMPS
-                if p.falls or p.step is not None or len(p.starts) > 1
-                else STEP_OF_DRY
-                if dry
-                else STEP
-            )
-            out[at] = share * own.scale[at]
-            at += 1
-    return out
+            jumps = p.falls or p.step is not None or len(p.starts) > 1
+            shares.append(STEP_OF_JUMPS if jumps else smooth)
+    return np.array(shares, dtype=float) * own.scale
 
 
 def bounded_step(
-    information: FloatArray,
-    pull: FloatArray,
-    damping: float,
-    z: FloatArray,
-    low: FloatArray,
-    high: FloatArray,
+    information: FloatArray, pull: FloatArray, damping: float, z: FloatArray, own: Coordinates
 ) -> FloatArray:
     """(P,) the damped step; what a bound would stop stands still and the others adapt."""
     move = np.zeros(len(z))
@@ -361,11 +325,11 @@ def bounded_step(
         if not len(at):
             break
         move[at] = np.linalg.lstsq(normal[np.ix_(at, at)], (pull * scale)[at], rcond=1e-12)[0] * scale[at]
-        stopped = free & (((z <= low) & (move < 0)) | ((z >= high) & (move > 0)))
+        stopped = free & (((z <= own.low) & (move < 0)) | ((z >= own.high) & (move > 0)))
         if not stopped.any():
             break
         free &= ~stopped
-    return np.clip(z + move, low, high) - z
+    return np.clip(z + move, own.low, own.high) - z
 
 
 def correlated(residual: FloatArray, counted: BoolArray) -> float:

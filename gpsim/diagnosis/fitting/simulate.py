@@ -1,25 +1,23 @@
-"""Simulating windows of a hypothesis: the one inner loop of the diagnosis."""
+"""Simulating windows of a hypothesis, by compiled code or the same by NumPy: the one inner loop of the diagnosis."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray
+from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
-from gpsim.diagnosis.fitting.bent import bends_of
-from gpsim.diagnosis.fitting.compiled import simulated
-from gpsim.diagnosis.fitting.rollout import FAR, Extra, Pushes, roll, tamed
-from gpsim.diagnosis.fitting.twisted import twists_of
+from gpsim.diagnosis.fitting.batch import FAR, Batch, Drive, Spread, batch_of, commands, drive_of, values_of
+from gpsim.diagnosis.fitting.strained import strains
 from gpsim.diagnosis.run import Run
-from gpsim.effects import Chain, Values
-from gpsim.kernels import can_compile, program_of
+from gpsim.effects import Chain
+from gpsim.kernels import Past, Program, can_compile, marched, program_of, read_late
 from gpsim.simulators import Memory
 
-UNEVEN_FINER = 4.0
-"""Times as many substeps as usual that an uneven clock may have where a delay is simulated."""
+Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
+"""State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 
 
 def simulate(
@@ -37,162 +35,144 @@ def simulate(
     starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
     the terms by `spread(thetas, W)`; n: steps of each transition.
     """
-    if not len(windows):
-        return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
-    starts = tamed(starts)  # a step may have sent one anywhere
-    bends = _bends(chain, windows, starts, spread, thetas)
-    setting, windows = _set(chain, windows, spread, thetas, n)
-    known = extra is None or isinstance(extra, Pushes)
-    program = program_of(chain) if known and run.settings.windows.compiled and can_compile() else None
-    if program is not None:
-        pushes = extra if isinstance(extra, Pushes) else None
-        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.threads, bends, pushes)
-        if said is not None:
-            return said
-    return _simulated(chain, windows, starts, spread, thetas, setting, extra, bends)
-
-
-def _simulated(
-    chain: Chain,
-    windows: Windows,
-    starts: FloatArray,
-    spread: Spread,
-    thetas: FloatArray,
-    setting: Setting,
-    extra: Extra | None = None,
-    bends: Memory | None = None,
-) -> FloatArray:
-    copies, count = starts.shape[:2]
-    rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
+    copies, count, channels = starts.shape
+    if not count:
+        return np.empty((copies, 0, windows.length + 1, channels))
+    begun = tamed(starts).reshape(copies * count, channels)  # a step may have sent one anywhere
+    values, said = values_of(chain, windows, spread, thetas), None
     with np.errstate(all="ignore"):
-        drive = (
-            precomputed(chain, windows, spread, thetas, setting)
-            if chain.actuation
-            else as_recorded(windows, rows)
-        )
-        begun = starts.reshape(copies * count, -1)
-        if chain.closed is not None:
-            out = roll(chain, windows, rows, begun, values, setting, drive, extra)
-        else:
-            out = _run(chain, windows, rows, begun, values, setting, drive, extra, bends or {})
-    return out.reshape(copies, count, windows.length + 1, -1)
+        strained = strains(chain, windows, np.tile(np.arange(count), copies), begun, values)
+        batch = batch_of(chain, windows, values, spread, thetas, n)
+        if extra is None and run.settings.windows.compiled and can_compile():
+            program = program_of(chain)
+            if program is not None:
+                said = by_compiled_code(program, batch, begun, strained, run.threads)
+        if said is None:
+            said = by_numpy(batch, begun, strained, extra)
+    return said.reshape(copies, count, windows.length + 1, channels)
 
 
-def _bends(chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray) -> Memory:
-    """How far bristles are bent and elastic drives twisted as the windows begin, of all copies."""
-    if not chain.yields:
-        return {}
-    copies, count = starts.shape[:2]
-    rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
-    with np.errstate(all="ignore"):
-        bends = bends_of(chain, windows, rows, starts.reshape(copies * count, -1), values)
-        return bends | twists_of(chain, windows, rows, values)
+def tamed(state: FloatArray) -> FloatArray:
+    """A state that may have diverged, within FAR. Nearly all are, and to see that is the cheap part."""
+    if np.abs(state).max(initial=0.0) <= FAR:  # no, where one is not a number
+        return state
+    return np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
 
 
-def _set(
-    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
-) -> tuple[Setting, Windows]:
-    """The setting, and the windows with as much of what was commanded before them as matters."""
-    first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
-    if not (chain.actuation or chain.sensors.remember):
-        return Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
-    values, even = values_of(chain, windows, spread, thetas), windows.even
-    slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
-    windows = _what_matters(chain, windows, values, slots / n)
-    if chain.actuation:  # parameters of other sites do not change what becomes of a command
-        single = [
-            np.stack(list(v.values()), axis=1)
-            for i, v in enumerate(spread(thetas, 1))
-            if chain.actuation.acts(i)
-        ]
-        if len(thetas) > 1:
-            _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
-    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
-    leaps = (
-        even and chain.actuation.leaps and not chain.sensors.remember
-    )  # sensors look at the substeps before a window
-    usual = float(np.median(steps))
-    shortest = usual / UNEVEN_FINER
-    return Setting(n, even, usual, slots, first, which.reshape(-1), shortest, leaps), windows
+def by_numpy(batch: Batch, starts: FloatArray, strained: Memory, extra: Extra | None) -> FloatArray:
+    """(B, L + 1, S): what the sensors would say, from starts (B, S)."""
+    sensors, windows, values = batch.chain.sensors, batch.windows, batch.values
+    n, every = batch.n, batch.n // batch.moments
+    drive, steps = drive_of(batch), every * (np.diff(windows.t[batch.rows], axis=1) / n)
+    seen: Memory = {}
+    if sensors.remember:
+        history, past = _history(batch, starts, drive, strained)
+        seen = sensors.begin(history, values, steps[:, 0], past)
+    out = np.empty((len(starts), windows.length + 1, starts.shape[1]))
+    out[:, 0] = sensors.measure(starts, values, seen, steps[:, 0])
+    for at, state in enumerate(_passed(batch, starts, drive, strained, extra)):
+        k, j = divmod(at, n)
+        if sensors.remember and (j + 1) % every == 0:
+            sensors.watch(state, values, seen, steps[:, k])
+        if j == n - 1:
+            out[:, k + 1] = sensors.measure(state, values, seen, steps[:, k])
+    return tamed(out) if sensors.remember else out  # a late sensor sees states between those that were tamed
 
 
-def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
-    """The windows with as much of what was commanded before them as actuators and `sensors` [samples] remember."""
-    shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
-    commands = chain.actuation.remembers(values) / max(shortest, 1e-12)
-    if not np.isfinite(commands):
-        return windows
-    return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
+def _passed(
+    batch: Batch, starts: FloatArray, drive: Drive, strained: Memory, extra: Extra | None
+) -> Iterator[FloatArray]:
+    """The states (B, S) at the ends of all substeps, one after another.
 
-
-def _run(
-    chain: Chain,
-    windows: Windows,
-    rows: IntArray,
-    starts: FloatArray,
-    values: Sequence[Values],
-    setting: Setting,
-    drive: Drive,
-    extra: Extra | None,
-    bends: Memory,
-) -> FloatArray:
-    n = setting.n
-    out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
-    clock = np.ascontiguousarray(windows.t.T[:, rows])
-    state, step = starts, (clock[1] - clock[0]) / n
-    watching = chain.sensors.remember
-    seen = {}
-    if watching:
-        history, steps = _history(chain, windows, rows, starts, values, setting, drive, bends)
-        seen = chain.sensors.begin(history, values, step, steps)
-    out[:, 0] = chain.sensors.measure(state, values, seen, step)
-    for k in range(windows.length):
-        t = clock[k]
-        step = (clock[k + 1] - t) / n
-        added = extra(state, windows.actions[rows, k], k) if extra is not None else None
+    Who owns the integration is asked for a whole transition, or for all of a window, where commands are known before.
+    """
+    chain, windows, values, n = batch.chain, batch.windows, batch.values, batch.n
+    clock, state = np.ascontiguousarray(windows.t.T[:, batch.rows]), starts
+    owner = None if chain.actuation.looks else chain.closed
+    at_once = windows.length if owner is not None and batch.even and extra is None else 1
+    for k in range(0, windows.length, at_once):
+        t, step = clock[k], (clock[k + 1] - clock[k]) / n
+        added = None if extra is None else extra(state, windows.actions[batch.rows, k], k)
+        if owner is not None:
+            acted = np.stack([drive(i, j, state) for i in range(k, k + at_once) for j in range(n)], axis=1)
+            path = tamed(chain.rolled(owner, state, acted, values, step, t, added))
+            yield from path.transpose(1, 0, 2)
+            state = path[:, -1]
+            continue
         for j in range(n):
-            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added, bends)
-            if watching:
-                chain.sensors.watch(state, values, seen, step)
-        state = tamed(state)
-        out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
-    return tamed(out) if watching else out  # a late sensor sees states of before they were tamed
+            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added, strained)
+            state = tamed(state) if j == n - 1 else state
+            yield state
 
 
 def _history(
-    chain: Chain,
-    windows: Windows,
-    rows: IntArray,
-    starts: FloatArray,
-    values: Sequence[Values],
-    setting: Setting,
-    drive: Drive,
-    bends: Memory,
+    batch: Batch, starts: FloatArray, drive: Drive, strained: Memory
 ) -> tuple[FloatArray, FloatArray | None]:
     """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
 
     And how long after the one before each of them is, (B, K) s, where the clock is uneven.
     """
-    n, regular = setting.n, setting.even
-    own = (windows.t[rows, 1] - windows.t[rows, 0]) / n
-    lengths = np.diff(windows.before_t, axis=1) / n
-    still, state = windows.rested[rows, None], starts
-    past, steps = [starts], []
-    for back in range(1, min(setting.slots, n * windows.before_actions.shape[1] + 1)):
-        k, j = divmod(-back, n)
+    chain, windows, rows, n, moments = batch.chain, batch.windows, batch.rows, batch.n, batch.moments
+    every, state = n // moments, starts
+    own = every * (windows.t[rows, 1] - windows.t[rows, 0]) / n
+    lengths = every * np.diff(windows.before_t, axis=1) / n
+    still, past, steps = windows.rested[rows, None], [starts], []
+    for back in range(1, min(batch.slots, moments * windows.before_actions.shape[1] + 1)):
+        k, j = divmod(-back, moments)
         step, end = own, windows.t[rows, 0] - (back - 1) * own
-        if not regular:
+        if not batch.even:
             step = lengths[rows, k]
-            end = windows.before_t[rows, k] - (n - 1 - j) * step
-        state = chain.advance(state, drive(k, j, state), values, -step, end, None, bends)
+            end = windows.before_t[rows, k] - (moments - 1 - j) * step
+        command = np.mean([drive(k, j * every + i, state) for i in range(every)], axis=0)
+        state = chain.advance(state, command, batch.values, -step, end, None, strained)
         state = np.where(still, starts, tamed(state))
         past.append(state)
         steps.append(step)
-    return np.stack(past[::-1], axis=1), None if regular else np.stack([*steps, own][::-1], axis=1)
+    return np.stack(past[::-1], axis=1), None if batch.even else np.stack([*steps, own][::-1], axis=1)
 
 
-def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> int:
-    """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
-    if windows.even:
-        return chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
-    return n * windows.samples_within(chain.sensors.looks_back(values)) + 3
+def by_compiled_code(
+    program: Program, batch: Batch, starts: FloatArray, strained: Memory, threads: int
+) -> FloatArray | None:
+    """The same; None where compiled code cannot."""
+    chain, windows, n, count = batch.chain, batch.windows, batch.n, len(starts)
+    known = commands(batch, program, threads)
+    if known is None:
+        return None
+    past = None
+    if chain.sensors.remember:
+        depth = min(batch.slots, n * windows.before_actions.shape[1] + 1)
+        earlier = np.empty((len(windows), 0)) if batch.even else windows.before_t
+        past = Past(depth, earlier, windows.rested.astype(np.int64))
+    states, passed = marched(
+        program, n, starts, program.values(batch.values, count), windows.t, batch.rows, known, threads, past,
+        program.bends(strained, count),
+    )  # fmt: skip
+    return tamed(_read(batch, states, passed, past)) if chain.sensors else states
+
+
+def _read(batch: Batch, states: FloatArray, passed: FloatArray, past: Past | None) -> FloatArray:
+    """(B, L + 1, S) what the sensors say of the states (B, L + 1, S), which change: first lags, then what is late."""
+    sensors, windows, values = batch.chain.sensors, batch.windows, batch.values
+    steps = np.diff(windows.t, axis=1) / batch.n
+    steps = np.concatenate([steps[:, :1], steps], axis=1)
+    if past is not None:
+        when = np.empty((len(windows), 0)) if batch.even else _when(batch, past.depth)
+        read = partial(read_late, passed, past, batch.n)
+        for term, column in sensors.lagging:
+            read(column, values[term]["time_constant"], steps, when, batch.rows, states, lags=True)
+        for term, column in sensors.late:
+            read(column, values[term]["delay"], steps, when, batch.rows, states)
+    count, times, channels = states.shape
+    others = {i: {name: np.repeat(v, times) for name, v in values[i].items()} for i in sensors.rest}
+    if not others:
+        return states
+    said = sensors.rest_measure(states.reshape(-1, channels), others, steps[batch.rows].ravel())
+    return said.reshape(count, times, channels)
+
+
+def _when(batch: Batch, depth: int) -> FloatArray:
+    """(W, depth + L n) s, when the states were that sensors see, the first one at 0."""
+    steps = np.repeat(np.diff(batch.clock, axis=1) / batch.n, batch.n, axis=1)
+    steps = steps[:, -(depth - 1 + batch.windows.length * batch.n) :]
+    return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)

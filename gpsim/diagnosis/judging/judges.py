@@ -414,9 +414,7 @@ def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothes
     part, white = problem.on(begun), np.maximum(problem.floor, LEAST_NOISE * problem.scale)
     noise = Noise(white, np.ones(len(white)), np.asarray(part.counted, dtype=float))
     starts = fit(part, hypothesis.frozen(), part.windows.measured[:, 0], LEAD_ROUNDS, noise).starts
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, hypothesis.theta[None])
-    return np.asarray(said[0])
+    return predicted(problem, windows, hypothesis, starts=starts)
 
 
 def _floor(

@@ -132,7 +132,7 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
     hypothesis = leader.hypothesis
     null = fit(everything, Hypothesis(scheme=hypothesis.scheme), rounds=WITHOUT, noise=leader.noise)
     without = _without(everything, leader)
-    p_value, _ = whiteness(everything, leader)
+    p_value = whiteness(everything, leader)
     chance = question.run.settings.verdict.chance
     least = chance if hypothesis.terms else chance**2
     left = unexplained(everything, leader)

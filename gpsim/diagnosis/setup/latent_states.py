@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows, cut_in_parts
-from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
+from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, predicted
 from gpsim.effects import closed
 from gpsim.recordings import Episode, Recording
 
@@ -58,7 +58,8 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
     found = fit(problem, hypothesis.frozen(), rounds=COMPLETION_ITERATIONS, tolerance=tolerance)
     columns = [problem.simulator.state.index(name) for name in hidden]
     measured = np.array(windows.measured)
-    measured[..., columns] = traced(problem, found)[..., columns]
+    said = predicted(problem, windows, found.hypothesis, starts=found.starts)
+    measured[..., columns] = said[..., columns]
     return replace(windows, measured=measured)
 
 

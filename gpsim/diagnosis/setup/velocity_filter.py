@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows, at, stretches
-from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
+from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, predicted
 from gpsim.effects import even
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -70,7 +70,7 @@ def undone(
         return windows
     around = problem.on(at(recording, places, 2 * reach + 1))
     found = fit(around, hypothesis.frozen(), rounds=FIT_ITERATIONS)
-    said = traced(around, found)
+    said = predicted(around, around.windows, found.hypothesis, starts=found.starts)
     windows = windows.take(rows)
     measured = np.array(windows.measured)
     for made in made_by:

@@ -25,9 +25,6 @@ class ActuatorAsymmetry(ActuatorEffect):
     )
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 50
-    rare: ClassVar[float] = (
-        4.0  # as much as one term more: it is a gain and a constant force at once, in one term
-    )
     plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(
         ("gain_positive", "gain_negative"), Plausible(0.25, 4.0, "1", "as a gain")
     )

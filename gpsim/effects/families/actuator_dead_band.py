@@ -33,7 +33,3 @@ class ActuatorDeadBand(ActuatorEffect):
         """Width [the action's]; a small one is felt by every larger command."""
         span = place.span
         return (EffectParameter("width", place.unit, 0.0, span, (0.05 * span, 0.25 * span), 0.1 * span),)
-
-    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Beyond the width."""
-        return values["width"], np.inf

@@ -6,7 +6,6 @@ commands; this one jumps, as a driver does that sets small commands to 0.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -36,7 +35,3 @@ class ActuatorDeadZone(ActuatorEffect):
     ) -> FloatArray:
         """0 inside |commands| < width."""
         return np.where(np.abs(commands) < values["width"], 0.0, commands)
-
-    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Beyond the width."""
-        return values["width"], np.inf

@@ -25,7 +25,6 @@ class ActuatorDelay(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_delay"
     sentence: ClassVar[str] = "{on} acts {delay} late"
-    usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
     takes: ClassVar[Mapping[str, float]] = {"delay": 0.0, "drift": 0.0}

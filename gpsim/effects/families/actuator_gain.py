@@ -21,7 +21,6 @@ class ActuatorGain(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_gain"
     sentence: ClassVar[str] = "{on} acts with {gain} times its commanded size"
-    usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 40

@@ -23,7 +23,6 @@ class ActuatorLag(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_lag"
     sentence: ClassVar[str] = "{on} follows its command with a lag of {time_constant}"
-    usual: ClassVar[int] = 7
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 95
     holds: ClassVar[bool] = False

@@ -21,7 +21,6 @@ class ActuatorSaturation(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_saturation"
     sentence: ClassVar[str] = "{on} saturates at {limit}"
-    usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 30
     plausible: ClassVar[Mapping[str, Plausible]] = {
@@ -48,7 +47,3 @@ class ActuatorSaturation(ActuatorEffect):
     ) -> FloatArray:
         """The commands, no larger than the limit."""
         return np.clip(commands, -values["limit"], values["limit"])
-
-    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Up to the limit."""
-        return 0.0, values["limit"]

@@ -18,7 +18,6 @@ class Armature(ModelEffect):
     family: ClassVar[str] = "armature"
     acts_on: ClassVar[str] = "a joint"
     sentence: ClassVar[str] = "rotor inertia of {inertia} on {on} was left out"
-    usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "nothing"
     noun: ClassVar[str] = "rotor inertia"
     plausible: ClassVar[Mapping[str, Plausible]] = {

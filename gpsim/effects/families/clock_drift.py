@@ -34,7 +34,6 @@ class ClockDrift(ActuatorDelay):
     family: ClassVar[str] = "clock_drift"
     noun: ClassVar[str] = "clock drift"
     sentence: ClassVar[str] = "the clock of {on} is slow by {drift}, so that commands come later and later"
-    usual: ClassVar[int] = 0
     gated: ClassVar[bool] = False
     drifts: ClassVar[bool] = True
     holds: ClassVar[bool] = False

@@ -18,7 +18,6 @@ class ConstantForce(ForceEffect):
 
     family: ClassVar[str] = "constant_force"
     sentence: ClassVar[str] = "a constant force of {force} on {on} was left out"
-    usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "position"
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "force": Plausible(

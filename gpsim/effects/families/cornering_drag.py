@@ -27,7 +27,6 @@ class CorneringDrag(VehicleEffect):
     sentence: ClassVar[str] = (
         "the vehicle slows down in curves: by {drag} times its lateral acceleration squared"
     )
-    usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
     changes: ClassVar[str] = "v"

@@ -19,7 +19,6 @@ class CoulombFriction(ForceEffect):
     """Coulomb friction: -Fc sgn(q'), holding a body at rest up to Fc; Fc = mu N where the normal force N is known."""
 
     family: ClassVar[str] = "coulomb_friction"
-    usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Coulomb friction"
     variants: ClassVar[tuple[str, ...]] = ("", "coefficient")

@@ -19,7 +19,6 @@ class LateralSlip(VehicleEffect):
 
     family: ClassVar[str] = "lateral_slip"
     sentence: ClassVar[str] = "the vehicle slips sideways by {slip} times its lateral acceleration"
-    usual: ClassVar[int] = 3
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 40
     changes: ClassVar[str] = "v_lateral"

@@ -24,7 +24,6 @@ class MarkerOffset(PoseEffect):
     sentence: ClassVar[str] = (
         "the marker sits {forward} ahead and {left} left of the vehicle's reference point"
     )
-    usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20
     plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(

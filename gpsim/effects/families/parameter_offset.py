@@ -20,7 +20,6 @@ class ParameterOffset(ParameterEffect):
 
     family: ClassVar[str] = "parameter_offset"
     sentence: ClassVar[str] = "{on} is {ratio} times what the simulator believes"
-    usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "nothing"
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "ratio": Plausible(

@@ -18,7 +18,6 @@ class SensorBias(SensorEffect):
 
     family: ClassVar[str] = "sensor_bias"
     sentence: ClassVar[str] = "the sensor of {on} is off by {offset}"
-    usual: ClassVar[int] = 3
     function_of: ClassVar[FunctionOf] = "reading"
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:

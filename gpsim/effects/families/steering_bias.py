@@ -18,7 +18,6 @@ class SteeringBias(VehicleEffect):
 
     family: ClassVar[str] = "steering_bias"
     sentence: ClassVar[str] = "the steering is off by a curvature of {curvature}"
-    usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
     plausible: ClassVar[Mapping[str, Plausible]] = {

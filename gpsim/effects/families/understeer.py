@@ -17,7 +17,6 @@ class Understeer(VehicleEffect):
 
     family: ClassVar[str] = "understeer"
     sentence: ClassVar[str] = "the vehicle understeers with a gradient of {gradient}"
-    usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 20
     plausible: ClassVar[Mapping[str, Plausible]] = {

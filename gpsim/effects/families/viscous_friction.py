@@ -15,7 +15,6 @@ class ViscousFriction(ForceEffect):
 
     family: ClassVar[str] = "viscous_friction"
     sentence: ClassVar[str] = "viscous friction on {on} with damping {damping} was left out"
-    usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "speed"
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "damping": Plausible(

@@ -33,7 +33,6 @@ class WheelSaturation(VehicleEffect):
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 5
     changes: ClassVar[str] = "w"
-    rare: ClassVar[float] = 3.0  # nats: a command that is clipped by itself is the commoner reason
     takes: ClassVar[Mapping[str, float]] = {"limit": np.inf, "track": 1.0}
     law: ClassVar[Law] = staticmethod(held_back)
     plausible: ClassVar[Mapping[str, Plausible]] = {

@@ -1,7 +1,7 @@
-"""How far elastic drives are twisted as windows begin: what was commanded before tells it, and speeds that were read.
+"""How far bristles are bent and elastic drives twisted as windows begin: what was before tells it.
 
-A twist swings by itself and may hardly fade, so what it was long ago matters. It is what fits the speeds of the stretch
-before the window best: they are linear in it, like the twist as the window begins.
+Bristles go with the positions that were read. A twist swings by itself and may hardly fade, so what it was long ago
+matters. It is what fits the speeds that were read best: they are linear in it, like the twist as the window begins.
 """
 
 from __future__ import annotations
@@ -12,19 +12,48 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
-from gpsim.effects import Chain, Values, bend_key, twisted
+from gpsim.effects import Chain, Values, bend_key, bent, twisted
 from gpsim.simulators import Memory
 
-BACK = 60  # transitions that are looked at
+BACK = 60  # transitions that are looked at: what was before is forgotten, or the body stood still
 RIDGE = 1e-9  # of the squares of what a twist does to speeds: one that has faded cannot be told, and does not matter
 
 
-def twists_of(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values]) -> Memory:
-    """Of rows (B,) of windows, (B, 2) by term; where nothing had moved nothing is twisted.
+def strains(
+    chain: Chain, windows: Windows, rows: IntArray, starts: FloatArray, values: Sequence[Values]
+) -> Memory:
+    """Of rows (B,) of windows that start at (B, S), by term; where nothing had moved nothing is bent or twisted."""
+    if not chain.yields:
+        return {}
+    windows = windows.remembering(BACK)
+    out = _bends(chain, windows, rows, starts, values) if chain.bristles else {}
+    out |= _twists(chain, windows, rows, values) if chain.elastic else {}
+    for strain in out.values():
+        strain[windows.rested[rows]] = 0.0
+    return out
+
+
+def _bends(
+    chain: Chain, windows: Windows, rows: IntArray, starts: FloatArray, values: Sequence[Values]
+) -> Memory:
+    """(B,) by term. What is between two samples is taken for even motion; the last one is the start."""
+    out: Memory = {}
+    time = np.maximum(np.diff(windows.before_t, axis=1), 1e-9)[rows]
+    for index, coordinate in chain.bristles:
+        column = chain.simulator.state.index(chain.simulator.coordinates[coordinate].name)
+        read = windows.before_states[rows, :, column]
+        way, bend = np.diff(np.column_stack([read, starts[:, column]]), axis=1), np.zeros(len(rows))
+        for k in range(way.shape[1]):
+            bend, _ = bent(bend, way[:, k], way[:, k] / time[:, k], values[index])
+        out[bend_key(index)] = bend
+    return out
+
+
+def _twists(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values]) -> Memory:
+    """(B, 2) by term.
 
     What else accelerates a load is found at the states that were read; dry friction is taken for even over the stretch.
     """
-    windows = windows.remembering(BACK)
     states = np.concatenate([windows.before_states, windows.measured[:, :1]], axis=1)[rows]
     clock = windows.before_t[rows]
     steps = np.maximum(np.diff(clock, axis=1), 1e-9)
@@ -48,7 +77,6 @@ def twists_of(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[V
         causes = np.stack([np.ones_like(since), since, speeds[:, :, 1], speeds[:, :, 2]], axis=2)
         first = _fitted(causes, states[:, :, speed] - speeds[:, :, 0])
         twist = paths[0] + first[:, 2:3] * paths[1] + first[:, 3:4] * paths[2]
-        twist[windows.rested[rows]] = 0.0
         out[bend_key(i)] = np.nan_to_num(twist, posinf=0.0, neginf=0.0)
     return out
 
