@@ -10,7 +10,6 @@ from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.setup.along import Edges, pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.readings import stands, trails, unread
-from gpsim.diagnosis.setup.yielding import yields
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -67,7 +66,6 @@ class Sizes:
         self._inertias: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
         self._edges: dict[str, Edges] = {}
-        self._yields = {c.name: yields(recording, simulator, parameters, c) for c in simulator.coordinates}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
         self._driven = simulator.driven()
         for i, coordinate in enumerate(simulator.coordinates):
@@ -114,7 +112,6 @@ class Sizes:
                 visited=self._visited[on],
                 edges=self._edges[on],
                 ripples=self._ripples[on],
-                yields=self._yields[on],
             )
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]
