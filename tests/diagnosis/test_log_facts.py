@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.channels import Channels, wrap_angle
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.data import cut, decimation, thinned
+from gpsim.diagnosis.data import clock, cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings, WindowSettings
@@ -266,7 +266,7 @@ def test_fits_and_comparisons_pass_over_what_is_left_out():
 def test_weights_are_thinned_with_their_samples(monkeypatch):
     _, recording, wild = spoilt()
     marked = mended(recording, look_at(recording, SETTINGS).left_out)
-    monkeypatch.setattr(decimation, "KEPT_SHARE", 0.0)
+    monkeypatch.setattr(clock, "KEPT_SHARE", 0.0)
     few, every = thinned(replace(marked, dt=0.001), 0.002)
     assert every == 2
     for episode, mask in zip(few.episodes, wild, strict=True):

@@ -10,8 +10,7 @@ from gpsim.channels import Channels
 from gpsim.corrected.effects_plant import EffectsPlant
 from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _said, _windows
 from gpsim.diagnosis.assessment.traces import course, traces
-from gpsim.diagnosis.data.clock import rebased
-from gpsim.diagnosis.data.decimation import thinned
+from gpsim.diagnosis.data.clock import rebased, thinned
 from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
