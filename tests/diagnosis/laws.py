@@ -9,7 +9,7 @@ from gpsim.diagnosis.data import cut, held_out_mask
 from gpsim.diagnosis.fitting import Hypothesis, fit, predicted, starts_of
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.setup import prepare
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.simulators import make_simulator
 
 from .worlds import record

@@ -10,7 +10,7 @@ from gpsim import load_simulator
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.setup import latent_states as hidden
+from gpsim.diagnosis.setup import estimated as hidden
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 

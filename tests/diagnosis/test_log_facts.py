@@ -11,7 +11,7 @@ from gpsim.diagnosis.data import clock, cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings, WindowSettings
-from gpsim.diagnosis.setup import flagged, look, look_at, mended, prepare
+from gpsim.diagnosis.setup import look, look_at, mended, prepare
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 
@@ -32,6 +32,10 @@ def logged(t, states, actions, units=("m", "m/s"), wraps=()):
     names = ("q", "q_dot")[: states.shape[1]]
     channels = Channels.of(dict(zip(names, units, strict=True)), wraps)
     return Recording("slider", channels, Channels.of({"force": "N"}), (Episode("0", t, states, actions),), DT)
+
+
+def flagged(recording):
+    return look_at(recording, SETTINGS).left_out
 
 
 def facts_of(recording, kind):
