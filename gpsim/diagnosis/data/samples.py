@@ -221,9 +221,10 @@ def _caused(changes: Sequence[FloatArray], length: int) -> list[BoolArray]:
     caused = []
     for change in changes:
         large = change >= COMMANDED_SHARE * np.where(most > 0, most, np.inf)
-        pairs = (large[:-length] & large[length:]).any(axis=1)
-        since = np.convolve(pairs, np.ones(REACTS_WITHIN + 1))[: len(change)] if len(pairs) else pairs
-        caused.append(np.pad(since > 0, (0, len(change) - len(since))))
+        pairs = np.zeros(len(change), dtype=np.bool_)
+        pairs[: max(len(change) - length, 0)] = (large[:-length] & large[length:]).any(axis=1)
+        since = np.convolve(np.append(pairs, False), np.ones(REACTS_WITHIN + 1))[: len(change)]
+        caused.append(since > 0)
     often = bool(np.concatenate(caused).mean() > COMMANDED_OFTEN)
     return [np.zeros_like(c) for c in caused] if often else caused
 

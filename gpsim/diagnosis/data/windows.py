@@ -178,6 +178,11 @@ def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length
     measured = _together([e.states[k] for e, k in zip(episodes, rows, strict=True)], length + 1, s)
     before_states = _together([states for states, _, _ in known], PRE_ROLL, s)
     acted = np.minimum(rows[:, :-1], high[:, None] - 1)
+    weights = None
+    if any(e.weights is not None for e in recording.episodes):
+        given = [np.ones(e.states.shape) if e.weights is None else e.weights for e in recording.episodes]
+        weights = _together([given[i][k] for i, k in zip(index, rows, strict=True)], length + 1, s)
+        weights[~valid] = 1.0
     t = _together([e.t[k] for e, k in zip(episodes, rows, strict=True)], length + 1)
     _unwrap(recording, before_states, measured)
     return Windows(
@@ -191,7 +196,7 @@ def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length
         index,
         (low == 0) | lost,
         lost,
-        _weights(recording, index, rows, valid),
+        weights,
         np.array([e.source for e in episodes], dtype=np.int64),
     )
 
@@ -199,18 +204,6 @@ def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length
 def _together(parts: Sequence[FloatArray], *shape: int) -> FloatArray:
     """(W, ...) arrays of one shape, also where there are none."""
     return np.array(parts, dtype=np.float64).reshape(len(parts), *shape)
-
-
-def _weights(recording: Recording, index: IntArray, rows: IntArray, valid: BoolArray) -> FloatArray | None:
-    """(W, L + 1, S) what the samples weigh, 1 where an episode does not say; None where none does."""
-    if all(e.weights is None for e in recording.episodes):
-        return None
-    out = np.ones((*rows.shape, len(recording.state)))
-    for k, i in enumerate(index):
-        weights = recording.episodes[i].weights
-        if weights is not None:
-            out[k, valid[k]] = weights[rows[k, valid[k]]]
-    return out
 
 
 def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:

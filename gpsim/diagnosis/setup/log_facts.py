@@ -14,7 +14,7 @@ what its velocity says, and the rates against what the base simulator says with 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -210,20 +210,13 @@ def telling(recording: Recording) -> list[BoolArray]:
 
 def hiding(recording: Recording) -> list[BoolArray]:
     """(K + 1, S) of each episode, which readings are those that a sensor gives for many true values."""
-    whats = [_hides(column) for column in np.concatenate([e.states for e in recording.episodes]).T]
-    return [
-        np.stack([hides(y) for hides, y in zip(whats, e.states.T, strict=True)], axis=1)
-        for e in recording.episodes
-    ]
-
-
-def _hides(readings: FloatArray) -> Callable[[FloatArray], BoolArray]:
-    """Whether a reading is one of those that a sensor like this one gives for many true values."""
-    lowest, highest = stands(readings)
-    low = float(readings.min()) if lowest else -np.inf
-    high = float(readings.max()) if highest else np.inf
-    silent = bool(unread(readings))
-    return lambda y: (y <= low) | (y >= high) | (silent & (y == 0.0))
+    columns = np.concatenate([e.states for e in recording.episodes]).T
+    ends = [stands(readings) for readings in columns]
+    low = np.array([y.min() if lowest else -np.inf for y, (lowest, _) in zip(columns, ends, strict=True)])
+    high = np.array([y.max() if highest else np.inf for y, (_, highest) in zip(columns, ends, strict=True)])
+    silent = np.array([bool(unread(readings)) for readings in columns])
+    states = [e.states for e in recording.episodes]
+    return [(x <= low) | (x >= high) | (silent & (x == 0.0)) for x in states]
 
 
 def check_angles(

@@ -235,16 +235,7 @@ def _problem(
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (LEAST_NOISE * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), 1, MOST_USUAL_SUBSTEPS))
     return Problem(
-        simulator,
-        parameters,
-        recording.dt,
-        training,
-        observed,
-        floor,
-        known > 0,
-        scale,
-        usual,
-        run=run,
+        simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, usual, run=run
     )
 
 
@@ -321,12 +312,9 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
     if len(simulator.coordinates) > DRY_JOINTS:
         return {}
     rows = evenly(len(problem.windows), DRY_WINDOWS)
-    some, found = problem.on(problem.windows.take(rows)), {}
-    for rubbing in _usual_terms(problem, recording, (RUBS,)):
-        times = dry_steps(some, rubbing)
-        if times > 1:
-            found[rubbing.terms[0].on] = times
-    return found
+    some = problem.on(problem.windows.take(rows))
+    found = {h.terms[0].on: dry_steps(some, h) for h in _usual_terms(problem, recording, (RUBS,))}
+    return {on: times for on, times in found.items() if times > 1}
 
 
 def _likely_machine(problem: Problem, recording: Recording) -> Hypothesis:

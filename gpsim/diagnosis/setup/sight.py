@@ -8,9 +8,10 @@ of start states needs no more to begin with.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from gpsim.channels import Channels, FloatArray, difference
 from gpsim.diagnosis.data import THIRD_DIFFERENCE, typical
@@ -37,12 +38,12 @@ class Sight:
     """
 
     simulator: Simulator
-    hidden: tuple[str, ...] = ()
-    dropped: tuple[str, ...] = ()
-    held: Mapping[str, float] = field(default_factory=dict)
-    still: Mapping[str, float] = field(default_factory=dict)
-    commanded: bool = True
-    constant: tuple[str, ...] = ()
+    hidden: tuple[str, ...]
+    dropped: tuple[str, ...]
+    held: Mapping[str, float]
+    still: Mapping[str, float]
+    commanded: bool
+    constant: tuple[str, ...]
 
     @property
     def unmeasured(self) -> tuple[str, ...]:
@@ -204,8 +205,7 @@ def guess(name: str, episode: Episode, recording: Recording, simulator: Simulato
             return speed_of(path, episode.t, recording.noise.get(coordinate.name))
         if name == coordinate.name and coordinate.velocity in names:
             speed = episode.states[:, names.index(coordinate.velocity)]
-            steps = np.diff(episode.t) * 0.5 * (speed[1:] + speed[:-1])
-            return np.concatenate([[0.0], np.cumsum(steps)])
+            return np.asarray(cumulative_trapezoid(speed, episode.t, initial=0.0))
     if simulator.state.wraps[simulator.state.index(name)] and len(episode) > 0:
         return _heading(name, episode, recording, simulator)
     return np.zeros(len(episode.t))

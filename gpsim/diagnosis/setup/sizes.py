@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.setup.log_facts import stands, unread
@@ -196,13 +197,13 @@ def _trailing(recording: Recording, simulator: Simulator) -> set[str]:
     out: set[str] = set()
     if recording.velocities == "differentiated":
         return out
-    steps = [difference(e.states[1:], e.states[:-1], simulator.state) for e in recording.episodes]
-    travelled = [np.cumsum(np.insert(moved, 0, 0.0, axis=0), axis=0) for moved in steps]
+    pieces = []
+    for e in recording.episodes:
+        moved = difference(e.states[1:], e.states[:-1], simulator.state)
+        pieces.append((np.cumsum(np.insert(moved, 0, 0.0, axis=0), axis=0), e.states, e.t))
     for coordinate in simulator.coordinates:
         at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
-        whole = zip(travelled, recording.episodes, strict=True)
-        which = trails([(way[:, at], e.states[:, speed], e.t) for way, e in whole])
-        if which:
+        if which := trails([(way[:, at], states[:, speed], t) for way, states, t in pieces]):
             out.add(coordinate.velocity if which > 0 else coordinate.name)
     return out
 
@@ -214,30 +215,23 @@ def trails(pieces: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
     constant T, is behind by T times the acceleration; one that is off or scaled is not. Noise of either channel favours
     no sign. It hides less of what happens over several samples.
     """
+    # Way, way by the speed that was read, speed and time [s].
+    courses = [
+        np.stack([way, cumulative_trapezoid(speed, t, initial=0.0), speed, t], axis=1)
+        for way, speed, t in pieces
+    ]
     for stride in STRIDES:
-        rows = np.concatenate([_stretches(*piece, stride) for piece in pieces])
-        rows = rows[rows[:, 3] > 0.0]
-        which = _trails(*rows.T)
-        if which:
-            return which
+        stretches = np.concatenate([np.diff(course[::stride], axis=0) for course in courses])
+        way, told, change, lasting = stretches[stretches[:, 3] > 0.0].T
+        causes = np.stack([change / lasting, told / lasting, np.ones_like(told)], axis=1)
+        if len(way) < FEWEST or np.linalg.matrix_rank(causes) < causes.shape[1]:
+            continue
+        behind, inverse = (way - told) / lasting, np.linalg.inv(causes.T @ causes)
+        found = inverse @ causes.T @ behind
+        error = np.sqrt(inverse[0, 0] * float(np.mean((behind - causes @ found) ** 2)))
+        if abs(found[0]) > max(SURELY * error, BRIEF * float(np.median(lasting))):
+            return int(np.sign(found[0]))
     return 0
-
-
-def _stretches(travelled: FloatArray, speed: FloatArray, t: FloatArray, stride: int) -> FloatArray:
-    """(N, 4) of stretches of so many samples: way, way by the speed that was read, change of that, time [s]."""
-    way = np.concatenate([[0.0], np.cumsum(np.diff(t) * (speed[:-1] + speed[1:]) / 2)])
-    return np.stack([np.diff(x[::stride]) for x in (travelled, way, speed, t)], axis=1)
-
-
-def _trails(way: FloatArray, told: FloatArray, change: FloatArray, lasting: FloatArray) -> int:
-    causes = np.stack([change / lasting, told / lasting, np.ones_like(told)], axis=1)
-    if len(way) < FEWEST or np.linalg.matrix_rank(causes) < causes.shape[1]:
-        return 0
-    behind, inverse = (way - told) / lasting, np.linalg.inv(causes.T @ causes)
-    found = inverse @ causes.T @ behind
-    error = np.sqrt(inverse[0, 0] * float(np.mean((behind - causes @ found) ** 2)))
-    sure = abs(found[0]) > max(SURELY * error, BRIEF * float(np.median(lasting)))
-    return int(np.sign(found[0])) if sure else 0
 
 
 def ripples(
