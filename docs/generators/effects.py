@@ -53,10 +53,9 @@ commands act before they are given, and is not asked.
 `flexible_coupling` is asked on request alone (`diagnose.families.also`), of a command that is the force that drives a
 coordinate, and not of MuJoCo models: three numbers and a swing of their own come near to delays, lags and whatever
 else swings. Its swing is integrated exactly over a step, however stiff it is.
-`lugre_friction` is asked where what the base simulator misses grows over a way after each reversal, and noise does not
-hide that way; its bristles are integrated exactly for an even speed, so that no stiffness asks for shorter steps. It is
-not asked of MuJoCo models. For [MuJoCo models](../how-to/mujoco.md) alone are
-{", ".join(OF_MODELS)}; the last where every joint has an actuator.
+`lugre_friction` is asked on request alone, too, as bristles may bend by any way and each is tried; they are integrated
+exactly for an even speed, so that no stiffness asks for shorter steps. It is not asked of MuJoCo models.
+For [MuJoCo models](../how-to/mujoco.md) alone are {", ".join(OF_MODELS)}; the last where every joint has an actuator.
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
 function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be

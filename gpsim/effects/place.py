@@ -72,8 +72,7 @@ class Place:
     nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a channel trails
     the position or the speed that it goes with; silent: the least reading of a channel that has zeros and nothing
     between, and how far apart such readings are; ripples: (period, phase) of what a scan over a coordinate's positions
-    found; yields: (force, way) of friction that a scan found to grow over a way after each reversal, where it did.
-    speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's step [s].
+    found. speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's step [s].
     loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of a difference from it
     where that is what counts (`additive`). inertia: what an action has to move, command over acceleration. centre: of
     a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be less in
@@ -99,7 +98,6 @@ class Place:
     edges: tuple[float | None, float | None] = (np.nan, np.nan)
     stands: tuple[bool, bool] = (True, True)
     trails: bool = True
-    yields: tuple[float, float] | tuple[()] = ()
     silent: tuple[float, float] | tuple[()] = ()
     ripples: tuple[tuple[float, float], ...] = ()
 

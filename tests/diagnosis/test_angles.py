@@ -9,7 +9,7 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.diagnosis.setup import check_moves, look, prepare
-from gpsim.diagnosis.setup.angles import check_angles
+from gpsim.diagnosis.setup.log_facts import check_angles
 from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.simulators import make_simulator
 from gpsim.simulators.user import adapted

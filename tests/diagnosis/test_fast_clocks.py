@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.data.decimation import thinned
+from gpsim.diagnosis.data.clock import thinned
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, WindowSettings

@@ -7,11 +7,11 @@ import pytest
 
 from gpsim.channels import Channels, wrap_angle
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.data import cut, decimation, thinned
+from gpsim.diagnosis.data import clock, cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings, WindowSettings
-from gpsim.diagnosis.setup import flagged, look, look_at, mended, prepare
+from gpsim.diagnosis.setup import look, look_at, mended, prepare
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 
@@ -32,6 +32,10 @@ def logged(t, states, actions, units=("m", "m/s"), wraps=()):
     names = ("q", "q_dot")[: states.shape[1]]
     channels = Channels.of(dict(zip(names, units, strict=True)), wraps)
     return Recording("slider", channels, Channels.of({"force": "N"}), (Episode("0", t, states, actions),), DT)
+
+
+def flagged(recording):
+    return look_at(recording, SETTINGS).left_out
 
 
 def facts_of(recording, kind):
@@ -266,7 +270,7 @@ def test_fits_and_comparisons_pass_over_what_is_left_out():
 def test_weights_are_thinned_with_their_samples(monkeypatch):
     _, recording, wild = spoilt()
     marked = mended(recording, look_at(recording, SETTINGS).left_out)
-    monkeypatch.setattr(decimation, "KEPT_SHARE", 0.0)
+    monkeypatch.setattr(clock, "KEPT_SHARE", 0.0)
     few, every = thinned(replace(marked, dt=0.001), 0.002)
     assert every == 2
     for episode, mask in zip(few.episodes, wild, strict=True):

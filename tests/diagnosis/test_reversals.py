@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gpsim.diagnosis.data.reversals import since_reversal
+from gpsim.diagnosis.data.windows import since_reversal
 from gpsim.simulators import make_simulator
 
 BACK, DT = 12, 0.02

@@ -8,7 +8,7 @@ import pytest
 from gpsim.channels import Channel, Channels
 from gpsim.corrected.features import Features
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Place, effect_of
 from gpsim.simulators import make_simulator

@@ -11,9 +11,9 @@ from gpsim.diagnosis.data.windows import cut
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.settings import WindowSettings
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.estimated import filters, undone
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.diagnosis.setup.velocity_filter import filters, undone
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

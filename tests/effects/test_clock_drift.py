@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.effects import Chain, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator

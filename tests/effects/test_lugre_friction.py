@@ -1,17 +1,20 @@
 """LuGre friction: against scipy however stiff it is, over windows' starts, and where it is asked."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.data import cut
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import WindowSettings
-from gpsim.diagnosis.setup.yielding import yields
-from gpsim.effects import Chain, Term
+from gpsim.diagnosis.settings import Known, WindowSettings
+from gpsim.diagnosis.setup import candidates
+from gpsim.effects import FAMILIES, Chain, Term
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator
 from gpsim.trials import catalogue
@@ -130,20 +133,20 @@ def test_a_plant_keeps_how_far_its_bristles_are_bent():
     np.testing.assert_allclose(state, np.tile(slid(WHOLE, pushes)[-1, :2], (2, 1)), atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("k", "noise", "asked"),
-    [
-        (SOFT, (1e-4, 1e-3), True),
-        (SOFT, (0.02, 1e-3), False),  # a way of 0.02 m is lost in such noise
-        (STIFF, (1e-4, 1e-3), False),  # one of 0.02 mm is
-    ],
-    ids=["seen", "noisy", "stiff"],
-)
-def test_it_is_asked_where_a_way_shows(k, noise, asked):
-    _, recording = recorded(k, 500, 3, noise)
-    (coordinate,) = SLIDER.coordinates
-    found = yields(recording, SLIDER, {"mass": MASS}, coordinate)
-    assert bool(found) == asked
-    if asked:
-        assert found[0] == pytest.approx(k["force"], rel=0.4)
-        assert found[1] == pytest.approx(k["force"] / k["stiffness"], rel=1.0)
+def test_it_is_asked_on_request_and_from_several_ways():
+    _, recording = recorded(SOFT, 100, 3)
+    offered = candidates(recording, SLIDER, {"mass": MASS})
+    starts = [p.starts for c in offered if c.identity == ("lugre_friction", "q") for p in c.declared]
+    assert max(map(len, starts)) == 3
+    assert not FAMILIES["lugre_friction"].asked
+
+
+@pytest.mark.slow
+def test_a_log_gives_its_sizes():
+    _, recording = recorded(SOFT, 800, 3, (1e-4, 1e-3))
+    recording = replace(recording, noise={"q": 1e-4, "q_dot": 1e-3})
+    asked = Known(only=("lugre_friction", "coulomb_friction", "viscous_friction"))
+    answer = diagnose(recording, SLIDER, {"mass": MASS}, np.random.default_rng(0), run=Run(known=asked))
+    (effect,) = answer.diagnosis.effects
+    assert effect.family == "lugre_friction"
+    assert {n: p.value for n, p in effect.parameters.items()} == pytest.approx(SOFT, rel=0.1)

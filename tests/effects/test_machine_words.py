@@ -14,8 +14,8 @@ import gpsim
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup.along import pushed_back, ripples
-from gpsim.diagnosis.setup.readings import stands, telling, unread
+from gpsim.diagnosis.setup.log_facts import stands, telling, unread
+from gpsim.diagnosis.setup.sizes import pushed_back, ripples
 from gpsim.effects import FAMILIES, Chain, Place, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator

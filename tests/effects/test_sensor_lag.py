@@ -9,8 +9,8 @@ from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import WindowSettings
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.readings import trails
+from gpsim.diagnosis.setup.offers import candidates
+from gpsim.diagnosis.setup.sizes import trails
 from gpsim.effects import Chain, Term
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator

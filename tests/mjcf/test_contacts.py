@@ -8,8 +8,8 @@ import pytest
 from mjcf_models import LENGTH, PENDULUM, written
 
 from gpsim.diagnosis.setup import apart, prepare
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.contacts import contacts
+from gpsim.diagnosis.setup.log_facts import contacts
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
 from gpsim.reports.diagnosis_text import log_fact_text

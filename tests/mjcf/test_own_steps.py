@@ -9,9 +9,8 @@ from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
 from scipy.linalg import expm
 
 from gpsim.diagnosis.fitting import Hypothesis, fit, growth, numerical_error
-from gpsim.diagnosis.setup import own_steps, prepare
-from gpsim.diagnosis.setup.candidates import offers_of
-from gpsim.diagnosis.setup.own_steps import steps_with_friction
+from gpsim.diagnosis.setup.offers import offers_of
+from gpsim.diagnosis.setup.prepare import prepare, steps_with_friction
 from gpsim.effects import Term
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
@@ -128,7 +127,7 @@ def test_growth_is_that_of_a_falling_pole(made):
 def test_a_model_of_many_joints_is_not_stepped_finely(made, monkeypatch):
     question = made(rubbed, 1e-4)
     assert steps_with_friction(question.searched, question.recording) == {"q": 6}
-    monkeypatch.setattr(own_steps, "DRY_JOINTS", 0)
+    monkeypatch.setitem(prepare.__globals__, "DRY_JOINTS", 0)
     assert steps_with_friction(question.searched, question.recording) == {}
 
 

@@ -8,7 +8,7 @@ from mjcf_models import DOUBLE, SKID, one_by_one, written
 
 from gpsim.diagnosis.report import NotAsked
 from gpsim.diagnosis.setup import not_asked, prepare
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.offers import candidates
 from gpsim.effects import Term
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording

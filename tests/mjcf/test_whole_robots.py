@@ -9,7 +9,7 @@ from mjcf_models import DOUBLE, written
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import prepare
-from gpsim.diagnosis.setup.guesses import speed_of
+from gpsim.diagnosis.setup.sight import speed_of
 from gpsim.stages.diagnose import Task, open_recording
 
 NOISE, DT, SAMPLES = 5e-4, 0.02, 300

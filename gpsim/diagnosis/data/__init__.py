@@ -1,12 +1,17 @@
-"""Data: a recording cut into windows, some held out."""
+"""Data: a recording's clock, what its single samples are, and the windows that it is cut into, some held out."""
 
-from gpsim.diagnosis.data.clock import rebased
-from gpsim.diagnosis.data.decimation import thinned
-from gpsim.diagnosis.data.outliers import outliers
-from gpsim.diagnosis.data.quantisation import quantum
-from gpsim.diagnosis.data.repeats import held_with, repeats, whole_packets
-from gpsim.diagnosis.data.reversals import since_reversal
-from gpsim.diagnosis.data.spread import TYPICAL, rms, typical
+from gpsim.diagnosis.data.clock import rebased, thinned
+from gpsim.diagnosis.data.samples import (
+    THIRD_DIFFERENCE,
+    TYPICAL,
+    held_with,
+    outliers,
+    quantum,
+    repeats,
+    rms,
+    typical,
+    whole_packets,
+)
 from gpsim.diagnosis.data.windows import (
     FEWEST_TRANSITIONS_OF_A_WINDOW,
     Windows,
@@ -15,11 +20,13 @@ from gpsim.diagnosis.data.windows import (
     cut_in_parts,
     held_out_mask,
     shortest,
+    since_reversal,
     stretches,
 )
 
 __all__ = [
     "FEWEST_TRANSITIONS_OF_A_WINDOW",
+    "THIRD_DIFFERENCE",
     "TYPICAL",
     "Windows",
     "at",

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_opening
@@ -16,6 +15,7 @@ from gpsim.diagnosis.settings import WindowSettings
 from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 from gpsim.residuals import first_held_out
+from gpsim.simulators import Simulator
 
 AT_ONCE = 2000  # windows that are completed together, however long a recording is: memory, no answer
 LEAST_PART_OF_A_WINDOW = 3  # a shorter piece than one in so many parts of a window is left out
@@ -25,6 +25,7 @@ FEWEST_TRANSITIONS_OF_A_WINDOW = 3
 LEFT_OUT = 8  # samples in a row that count in no channel, from which on they are a gap
 SOUND = 0.5  # weight of a sample that is little more than usual noise
 SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
+CLOCK = 6  # decimals of a second, rounding: equal numbers of even steps are the same age
 
 
 @dataclass(frozen=True)
@@ -141,28 +142,68 @@ def cut(
 
 
 def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
-    """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
-    places, size = _places(recording, settings.length), AT_ONCE
-    for first in range(0, len(places), size):
-        yield _cut_at(recording, places[first : first + size], settings.length)
+    """All of `cut`'s windows of the usual length, some after the others to spare memory."""
+    places = _places(recording, settings.length)
+    for first in range(0, len(places), AT_ONCE):
+        yield _cut_at(recording, places[first : first + AT_ONCE], settings.length)
 
 
 def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
     """Episode, first and last sample of every window."""
+    least = min(length, shortest(length))
     return [
-        (index, low, high)
+        (index, low, min(low + length, last))
         for index, first, last in stretches(recording)
-        for low, high in _slices(first, last, length, shortest(length))
+        for low in range(first, last - least + 1, length + 1)
     ]
 
 
 def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
-    steps = _usual_steps(recording, [index for index, _, _ in places])
-    weighed = any(e.weights is not None for e in recording.episodes)  # then all windows have weights
-    parts = [
-        _window(recording, index, steps[index], low, high, length, weighed) for index, low, high in places
-    ]
-    return _stacked(parts) if parts else _none(recording, length)
+    """The windows of `length` transitions at these (episode, first, last sample)."""
+    index, low, high = np.array(places, dtype=np.int64).reshape(-1, 3).T
+    episodes = [recording.episodes[i] for i in index]
+    usual = {i: _usual_step(recording.episodes[i], recording.dt) for i in np.unique(index)}
+    steps = np.array([usual[i] for i in index])
+    wanted = low[:, None] + np.arange(length + 1)
+    rows, valid = np.minimum(wanted, high[:, None]), wanted <= high[:, None]
+    known = [_before(e, first, recording.dt, h) for e, first, h in zip(episodes, low, steps, strict=True)]
+    lost = np.array(
+        [
+            k > 0 and bool(gaps(e.t[k - 1 : k + 1], recording.dt)[0])
+            for e, k in zip(episodes, low, strict=True)
+        ],
+        dtype=np.bool_,
+    )
+    s, a = len(recording.state), len(recording.action)
+    measured = _together([e.states[k] for e, k in zip(episodes, rows, strict=True)], length + 1, s)
+    before_states = _together([states for states, _, _ in known], PRE_ROLL, s)
+    acted = np.minimum(rows[:, :-1], high[:, None] - 1)
+    weights = None
+    if any(e.weights is not None for e in recording.episodes):
+        given = [np.ones(e.states.shape) if e.weights is None else e.weights for e in recording.episodes]
+        weights = _together([given[i][k] for i, k in zip(index, rows, strict=True)], length + 1, s)
+        weights[~valid] = 1.0
+    t = _together([e.t[k] for e, k in zip(episodes, rows, strict=True)], length + 1)
+    _unwrap(recording, before_states, measured)
+    return Windows(
+        measured,
+        _together([e.actions[k] for e, k in zip(episodes, acted, strict=True)], length, a),
+        t + steps[:, None] * (wanted - rows),
+        valid,
+        before_states,
+        _together([actions for _, actions, _ in known], PRE_ROLL, a),
+        _together([t for _, _, t in known], PRE_ROLL + 1),
+        index,
+        (low == 0) | lost,
+        lost,
+        weights,
+        np.array([e.source for e in episodes], dtype=np.int64),
+    )
+
+
+def _together(parts: Sequence[FloatArray], *shape: int) -> FloatArray:
+    """(W, ...) arrays of one shape, also where there are none."""
+    return np.array(parts, dtype=np.float64).reshape(len(parts), *shape)
 
 
 def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
@@ -170,20 +211,16 @@ def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> 
     return _cut_at(recording, [(index, first, first + length) for index, first in places], length)
 
 
-def _stacked(parts: Sequence[tuple[Any, ...]]) -> Windows:
-    columns = ([part[i] for part in parts] for i in range(len(fields(Windows))))
-    return Windows(*(None if column[0] is None else np.stack(column) for column in columns))  # type: ignore[arg-type]
-
-
 def stretches(recording: Recording) -> list[tuple[int, int, int]]:
     """(episode, first, last sample) of every stretch without a gap, all of it to learn from or all of it held out."""
-    return [
-        (index, int(first), int(last))
-        for index, (episode, held) in enumerate(
-            zip(recording.episodes, first_held_out(recording), strict=True)
-        )
-        for first, last in _pieces(episode, recording.dt, int(held))
-    ]
+    found = []
+    for index, (episode, held) in enumerate(zip(recording.episodes, first_held_out(recording), strict=True)):
+        ends = gaps(episode.t, recording.dt) | _unknown(episode)
+        if 0 < held <= len(ends):
+            ends[held - 1] = True
+        parts = pieces(np.flatnonzero(ends).tolist(), len(episode))
+        found += [(index, first, last) for first, last in parts if last > first]
+    return found
 
 
 def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
@@ -193,13 +230,6 @@ def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
         for e, k in zip(recording.episodes, first_held_out(recording), strict=True)
     ]
     return np.asarray(windows.t[:, 0] >= np.array(begins)[windows.episode], dtype=np.bool_)
-
-
-def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
-    """First and last sample of every stretch without a gap; sample `held` begins one."""
-    breaks = set(np.flatnonzero(gaps(episode.t, dt) | _unknown(episode)).tolist())
-    ends = sorted((breaks | {held - 1}) & set(range(len(episode.t) - 1)))
-    return [(first, last) for first, last in pieces(ends, len(episode.t) - 1) if last > first]
 
 
 def _unknown(episode: Episode) -> BoolArray:
@@ -216,61 +246,6 @@ def shortest(length: int) -> int:
     return max(FEWEST_TRANSITIONS_OF_A_WINDOW, length // LEAST_PART_OF_A_WINDOW)
 
 
-def _slices(first: int, last: int, length: int, least: int) -> list[tuple[int, int]]:
-    out, low = [], first
-    while last - low >= min(length, least):
-        high = min(low + length, last)
-        out.append((low, high))
-        low = high + 1
-    return out
-
-
-def _window(
-    recording: Recording,
-    index: int,
-    step: float,
-    low: int,
-    high: int,
-    length: int,
-    weighed: bool,
-) -> tuple[Any, ...]:
-    """step: the usual one of its episode [s]."""
-    count, dt, episode = high - low, recording.dt, recording.episodes[index]
-    pad = length - count
-    measured = np.concatenate(
-        [episode.states[low : high + 1], np.repeat(episode.states[high : high + 1], pad, axis=0)]
-    )
-    actions = np.concatenate(
-        [episode.actions[low:high], np.repeat(episode.actions[high - 1 : high], pad, axis=0)]
-    )
-    t = np.concatenate([episode.t[low : high + 1], episode.t[high] + step * np.arange(1, pad + 1)])
-    valid = np.arange(length + 1) <= count
-    weights = np.ones(measured.shape) if weighed else None
-    if weights is not None and episode.weights is not None:
-        weights[: count + 1] = episode.weights[low : high + 1]
-    before_states, before_actions, before_t = _before(episode, low, dt, step)
-    _unwrap(recording, before_states, measured)
-    lost = low > 0 and bool(gaps(episode.t[low - 1 : low + 1], dt)[0])
-    return (
-        measured,
-        actions,
-        t,
-        valid,
-        before_states,
-        before_actions,
-        before_t,
-        np.int64(index),
-        np.bool_(low == 0 or lost),
-        np.bool_(lost),
-        weights,
-        np.int64(episode.source),
-    )
-
-
-def _usual_steps(recording: Recording, episodes: Sequence[int]) -> dict[int, float]:
-    return {index: _usual_step(recording.episodes[index], recording.dt) for index in set(episodes)}
-
-
 def _usual_step(episode: Episode, dt: float) -> float:
     """The step [s] of samples that were not recorded: one that is off would make an even clock uneven."""
     usual = float(np.median(np.diff(episode.t)))
@@ -284,14 +259,11 @@ def _before(episode: Episode, low: int, dt: float, step: float) -> tuple[FloatAr
     if len(broken):  # the rows before it are of another time than their number says
         back += int(broken[-1]) + 1
     missing = PRE_ROLL - (low - back)
-    if not missing:
-        return np.array(episode.states[back:low]), episode.actions[back:low], episode.t[back : low + 1]
     early = episode.t[back] - step * np.arange(missing, 0, -1)
-    row = (
-        np.searchsorted(episode.t[:back], early + step / 2, side="right") - 1
-    )  # in force halfway through a step
-    states = np.where(row[:, None] >= 0, episode.states[row], episode.states[0])
-    actions = np.where(row[:, None] >= 0, episode.actions[np.maximum(row, 0)], 0.0)
+    # What is in force halfway through a step.
+    row = np.searchsorted(episode.t[:back], early + step / 2, side="right")[:, None] - 1
+    states = np.where(row >= 0, episode.states[row[:, 0]], episode.states[0])
+    actions = np.where(row >= 0, episode.actions[np.maximum(row[:, 0], 0)], 0.0)
     return (
         np.concatenate([states, episode.states[back:low]]),
         np.concatenate([actions, episode.actions[back:low]]),
@@ -300,26 +272,37 @@ def _before(episode: Episode, low: int, dt: float, step: float) -> tuple[FloatAr
 
 
 def _unwrap(recording: Recording, before: FloatArray, measured: FloatArray) -> None:
-    """Let angles run on, in place, as the simulated ones do; the window's first sample stays as it was recorded."""
+    """Let angles run on, in place, as the simulated ones do; a window's first sample stays as it was recorded."""
     for i, channel in enumerate(recording.state):
         if channel.wraps or channel.unit == "rad":
-            angle = np.unwrap(np.concatenate([before[:, i], measured[:, i]]))
-            angle += measured[0, i] - angle[len(before)]
-            before[:, i], measured[:, i] = angle[: len(before)], angle[len(before) :]
+            angle = np.unwrap(np.concatenate([before[..., i], measured[..., i]], axis=1), axis=1)
+            angle += measured[:, :1, i] - angle[:, [PRE_ROLL]]
+            before[..., i], measured[..., i] = angle[:, :PRE_ROLL], angle[:, PRE_ROLL:]
 
 
-def _none(recording: Recording, length: int) -> Windows:
-    s, a = len(recording.state), len(recording.action)
-    return Windows(
-        np.empty((0, length + 1, s)),
-        np.empty((0, length, a)),
-        np.empty((0, length + 1)),
-        np.empty((0, length + 1), dtype=np.bool_),
-        np.empty((0, PRE_ROLL, s)),
-        np.empty((0, PRE_ROLL, a)),
-        np.empty((0, PRE_ROLL + 1)),
-        np.empty(0, dtype=np.int64),
-        np.empty(0, dtype=np.bool_),
-        np.empty(0, dtype=np.bool_),
-        source=np.empty(0, dtype=np.int64),
-    )
+def since_reversal(windows: Windows, simulator: Simulator) -> dict[str, FloatArray]:
+    """Of every action and every coordinate's velocity: (W,) s since it turned round, at the windows' starts.
+
+    What sticks or has play acts there. A command turns where it falls after it has risen, a velocity where it changes
+    its sign. As far back as windows remember: it turned no later where they know of no reversal.
+    """
+    t = np.concatenate([windows.before_t[:, :-1], windows.t[:, :1]], axis=1)
+    commands = np.concatenate([windows.before_actions, windows.actions[:, :1]], axis=1)
+    states = np.concatenate([windows.before_states, windows.measured[:, :1]], axis=1)
+    found = {
+        name: _since(np.diff(commands[..., i], axis=1, prepend=commands[:, :1, i]), t)
+        for i, name in enumerate(simulator.action.names)
+    }
+    velocities = [c.velocity for c in simulator.coordinates]
+    return found | {name: _since(states[..., simulator.state.index(name)], t) for name in velocities}
+
+
+def _since(course: FloatArray, t: FloatArray) -> FloatArray:
+    """(W,) s since the sign of a course (W, K) last changed; where it is 0 the sign stays what it was."""
+    signs = np.sign(course)
+    last = np.maximum.accumulate(np.where(signs != 0, np.arange(signs.shape[1]), 0), axis=1)
+    held = np.take_along_axis(signs, last, axis=1)
+    turned = held[:, 1:] * held[:, :-1] < 0
+    latest = turned.shape[1] - np.argmax(turned[:, ::-1], axis=1)
+    at = np.where(turned.any(axis=1), latest, 0)
+    return np.round(t[:, -1] - np.take_along_axis(t, at[:, None], axis=1)[:, 0], CLOCK)

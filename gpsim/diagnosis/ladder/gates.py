@@ -63,41 +63,28 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
     lines = Lines(shooting.slopes(account.fit), account.fit)
     for law in search.laws:
         effect = effect_of(law.candidate.family)
-        stands = next((i for i, own in enumerate(account.laws) if own.key == law.key), None)
-        if not effect.gated or law.candidate.variant or (stands is None and not law.has_slope):
+        stands = [i for i, own in enumerate(account.laws) if own.key == law.key]
+        if not effect.gated or effect.drifts or law.candidate.variant or not (stands or law.has_slope):
             continue
-        if effect.drifts:
-            continue
+        terms = [account.hypothesis.terms[i] for i in stands]
+        standing = [t.values[p.name] for t in terms for p in law.candidate.declared]
         # A law that stands may be right in a part alone, with another size: beside itself it tells which.
-        fresh = law.has_slope
-        values, step = _nothing(law) if fresh else ([*_standing(account, stands, law)], 1.0)
-        beside = account.hypothesis if fresh else account.without([stands])[1]
+        _, beside = account.without([] if law.has_slope else stands)
+        step, values = nudged(law) if law.has_slope else (1.0, standing)
+        own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
         for gate in _gates(shooting.problem, law):
-            term, owned = replace(law.term(values), gate=gate), _priced(search, law, gate)
-            hypothesis = beside.plus(term, law.candidate.declared)
+            owned = _priced(search, law, gate)
+            hypothesis = beside.plus(replace(law.term(values), gate=gate), law.candidate.declared)
             left = shooting.residuals(hypothesis, hypothesis.theta[None], account.fit.starts[None])[0]
             white = np.nan_to_num(left * shooting.noise.whitening).reshape(len(account.fit.starts), -1)
-            if not fresh:
-                yield lines.gain(white) - (search.price(owned) - search.price(law)), owned, values
+            price = search.price(owned) - paid
+            if not law.has_slope:
+                yield lines.gain(white) - price, owned, values
                 continue
-            gain, size = lines.along((lines.slopes.r - white) / step)
-            own = law.candidate.declared[0]
-            first = (
-                own.none + size + (0.0 if stands is None else _standing(account, stands, law)[0] - own.none)
-            )
-            paid = 0.0 if stands is None else search.price(law)
+            gain, size = lines.along((lines.slopes.r - white) / ((values[0] - own.none) or step))
+            first = size + (standing[0] if stands else own.none)
             if own.low <= first <= own.high:
-                yield gain - search.price(owned) + paid, owned, [first, *values[1:]]
-
-
-def _standing(account: Account, index: int, law: Law) -> list[float]:
-    return [account.hypothesis.terms[index].values[p.name] for p in law.candidate.declared]
-
-
-def _nothing(law: Law) -> tuple[list[float], float]:
-    """The values of a law a little off nothing, and how far that is."""
-    step, values = nudged(law)
-    return values, (values[0] - law.candidate.declared[0].none) or step
+                yield gain - price, owned, [first, *values[1:]]
 
 
 def _priced(search: Search, law: Law, gate: Gate) -> Law:

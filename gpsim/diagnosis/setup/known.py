@@ -54,22 +54,14 @@ def allowed(known: Known, offers: Sequence[Candidate], parameters: Mapping[str, 
 
 def _bounded(candidate: Candidate, known: Known, parameters: Mapping[str, float]) -> Candidate:
     """The candidate with its parameters' bounds as the user gave them."""
-    declared = tuple(
-        _within(p, ends) if (ends := _bounds_of(candidate, p, known, parameters)) else p
-        for p in candidate.declared
-    )
-    return candidate if declared == candidate.declared else replace(candidate, declared=declared)
-
-
-def _bounds_of(
-    candidate: Candidate, parameter: EffectParameter, known: Known, parameters: Mapping[str, float]
-) -> tuple[float, float] | None:
-    family, on = candidate.identity
-    given = known.bounds.get(f"{family}.{on}.{parameter.name}")
-    if family == "parameter_offset" and on in known.bounds and parameters[on] != 0.0:
-        ends = sorted(end / parameters[on] for end in known.bounds[on])
-        given = ends[0], ends[1]
-    return given
+    (family, on), declared = candidate.identity, []
+    for parameter in candidate.declared:
+        ends = known.bounds.get(f"{family}.{on}.{parameter.name}")
+        if family == "parameter_offset" and on in known.bounds and parameters[on] != 0.0:
+            low, high = sorted(end / parameters[on] for end in known.bounds[on])
+            ends = low, high
+        declared.append(parameter if ends is None else _within(parameter, ends))
+    return replace(candidate, declared=tuple(declared))
 
 
 def _within(parameter: EffectParameter, ends: tuple[float, float]) -> EffectParameter:

@@ -1,4 +1,7 @@
-"""From a recording to the question: windows to learn from and to judge on, what was observed, and how well."""
+"""From a recording to the question: windows to learn from and to judge on, what was observed, and how well.
+
+Of simulators that own their integration (MuJoCo's) also how finely they are stepped, and how long a window may be.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,16 @@ from functools import cache, partial
 
 import numpy as np
 
-from gpsim.channels import BoolArray
+from gpsim.channels import BoolArray, difference
 from gpsim.diagnosis.data import FEWEST_TRANSITIONS_OF_A_WINDOW, Windows, cut, held_out_mask, rebased, thinned
 from gpsim.diagnosis.fitting import (
     TOLERATED_NOISE,
+    TOLERATED_STEP_ERROR,
     USUAL_SUBSTEP,
     Hypothesis,
     Problem,
+    dry_steps,
+    growth,
     inexact,
     numerical_error,
     stepped,
@@ -22,14 +28,12 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings
-from gpsim.diagnosis.setup.angles import check_angles
-from gpsim.diagnosis.setup.contacts import contacts
+from gpsim.diagnosis.setup.estimated import smoothed
 from gpsim.diagnosis.setup.known import with_known
-from gpsim.diagnosis.setup.latent_states import smoothed
-from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
-from gpsim.diagnosis.setup.own_steps import likely_machine, means_serve, steady_length, steps_with_friction
+from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, check_angles, contacts, look_at, mended
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
-from gpsim.effects import closed
+from gpsim.diagnosis.setup.sizes import Sizes
+from gpsim.effects import Term, closed, effect_of
 from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
@@ -54,6 +58,17 @@ SAMPLED_WINDOWS = 40  # windows on which the base simulator's numerical error an
 
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
+DRY_WINDOWS = 12  # windows on which that is asked, of every joint
+DRY_JOINTS = 3  # of a model, at most, whose dry friction is stepped finely: the steps of an arm are too dear
+UNSTABLE = 10.0
+"""Times as far apart that two simulations may be at a window's end that began slightly apart: on poles that fall longer
+windows lead fits into local minima; robots that are held stay below 7."""
+SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
+
+BLOCKS = 40  # of an episode, in which means of commands are put in their place
+
+RUBS, LIKELY = "coulomb_friction", ("armature", "viscous_friction")
+
 
 @dataclass(frozen=True)
 class Question:
@@ -61,25 +76,19 @@ class Question:
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
     its clock 0 at `origin` s, samples that say nothing mended and of no weight. facts: what is peculiar to the log.
-    sight: what the recording shows of the simulator, `free` all of it; idle: what is required and does nothing.
+    sight: what the recording shows of the simulator; whole: that with all of its states, also those not shown.
     """
 
     recording: Recording
     everything: Problem
     searched: Problem
     held_out: Problem
-    thinned: int = 1
-    hidden: tuple[str, ...] = ()
-    origin: float = 0.0
-    sight: Sight | None = None
-    free: Simulator | None = None
-    idle: tuple[str, ...] = ()
-    facts: tuple[LogFact, ...] = ()
-
-    @property
-    def whole(self) -> Simulator:
-        """The simulator with all of its states, also those that the recording does not show."""
-        return self.free or self.everything.simulator
+    thinned: int
+    hidden: tuple[str, ...]
+    origin: float
+    sight: Sight
+    whole: Simulator
+    facts: tuple[LogFact, ...]
 
     @property
     def run(self) -> Run:
@@ -109,43 +118,42 @@ def prepare(
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
-    free = wrapping(simulator, either_wraps(simulator.state, recording.state))
+    whole = wrapping(simulator, either_wraps(simulator.state, recording.state))
     simulator = wrapping(sight.simulator, either_wraps(sight.simulator.state, recording.state))
     log = look_at(recording, settings.log_facts)
-    seen, origin = rebased(mended(recording, log.left_out))
+    full, origin = rebased(mended(recording, log.left_out))
     system = closed(simulator)
-    read, every = thinned(seen, settings.windows.pace)
-    if (
-        system is not None
-        and every > 1
-        and not means_serve(simulator, sight.completed(seen), parameters, every)
-    ):
-        read, every = seen, 1
+    read, every = thinned(full, settings.windows.pace)
+    own = system is not None and every > 1
+    if own and not _means_serve(simulator, sight.completed(full), parameters, every):
+        read, every = full, 1
     seen = sight.completed(read)
     check_angles(seen, simulator, parameters, settings.log_facts, hidden)
     if system is not None:
         simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
-    problem = _problem(seen, simulator, parameters, training, hidden, log, run)
-    if (
-        system is None and hidden
-    ):  # else speeds are known from positions better than from a base that lacks much
+    made = partial(_problem, simulator, parameters, hidden, log, run)
+    problem = made(seen, training)
+    if system is None and hidden:
+        # Else speeds are known from positions better than from a base that lacks much.
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
-    if system is not None:
-        machine = cache(partial(likely_machine, _sample(problem), seen))
-        steps = stepped(_sample(problem), machine)
-        training, held = _steady(_in_steps_of(problem, steps), seen, training, held, machine)
-        problem = _in_steps_of(_problem(seen, simulator, parameters, training, hidden, log, run), steps)
-        problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
-        problem = replace(problem, floor=np.hypot(problem.floor, inexact(_sample(problem), machine)))
-    usual = training.length == _length(seen, settings)
-    searched = settings.windows.searched if usual else SEARCHED_LONGER
-    fitted, fewest = settings.windows.fitted, settings.windows.fewest
+        problem = made(seen, training)
+    searched, fitted, fewest = settings.windows.searched, settings.windows.fitted, settings.windows.fewest
+    if training.length != _length(seen, settings):
+        searched = SEARCHED_LONGER
     if system is not None:
         searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
+        machine = cache(partial(_likely_machine, _sample(problem), seen))
+        problem = stepped(_sample(problem), machine)
+        length = _steady_length(problem.on(spread_out(training, searched, fewest)), machine)
+        if length < training.length:  # unstable motion would drive apart what began alike
+            training, held = _parted(seen, length, settings)
+        sized = made(seen, training)
+        problem = replace(problem, windows=training, floor=sized.floor, scale=sized.scale)
+        problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
+        problem = replace(problem, floor=np.hypot(problem.floor, inexact(_sample(problem), machine)))
     problem = replace(problem, base_steps=every)
     problem = _fine_enough(problem) if system is None else problem
     return Question(
@@ -157,8 +165,8 @@ def prepare(
         hidden,
         origin,
         sight,
-        free,
-        facts=(*log.facts, *contacts(simulator, seen)),
+        whole,
+        (*log.facts, *contacts(simulator, seen)),
     )
 
 
@@ -191,26 +199,12 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
             f"{training.length} to learn from, {prepared.fewest} are needed; record more, or hold out less"
         )
     twice = LONGER_WINDOWS * length
-    if twice <= settings.windows.longest and _noisy(recording, training, observed, NOISY_SHARE):
+    if twice <= settings.windows.longest and _noisy(recording, training, observed):
         longer, later = _parted(recording, twice, settings)
         enough = len(longer) >= ENOUGH_LONGER and bool(len(later)) == bool(len(held))
         if enough and float(longer.valid.mean()) > LEAST_FILLED:  # samples, not what pads short episodes
             return longer, later
     return training, held
-
-
-def _steady(
-    problem: Problem,
-    recording: Recording,
-    training: Windows,
-    held: Windows,
-    machine: Callable[[], Hypothesis],
-) -> tuple[Windows, Windows]:
-    """Shorter windows where unstable motion would drive apart what began alike."""
-    settings = problem.run.settings
-    some = spread_out(training, settings.closed_step.searched, settings.windows.fewest)
-    length = steady_length(problem.on(some), machine)
-    return _parted(recording, length, settings) if length < training.length else (training, held)
 
 
 def _parted(recording: Recording, length: int, settings: Settings) -> tuple[Windows, Windows]:
@@ -221,56 +215,35 @@ def _parted(recording: Recording, length: int, settings: Settings) -> tuple[Wind
 
 
 def _problem(
-    recording: Recording,
     simulator: Simulator,
     parameters: Mapping[str, float],
-    training: Windows,
     hidden: tuple[str, ...],
     log: LogLook,
     run: Run,
+    recording: Recording,
+    training: Windows,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names = simulator.state.names
     observed = _observed(recording, simulator, hidden)
-    share, spread = HIDDEN_SCALE, training.measured[training.valid].std(axis=0)
+    spread = training.measured[training.valid].std(axis=0)
     unsized = [n in hidden and (n in simulator.start or not s) for n, s in zip(names, spread, strict=True)]
-    sizes = [abs(simulator.start.get(n, 0.0)) or 1.0 for n in names]
-    guess = np.where(unsized, sizes, 0.0)
-    scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
+    guess = np.where(unsized, [abs(simulator.start.get(n, 0.0)) or 1.0 for n in names], 0.0)
+    scale = np.maximum(np.where(spread > 0.0, spread, STILL), HIDDEN_SCALE * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (LEAST_NOISE * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), 1, MOST_USUAL_SUBSTEPS))
     return Problem(
-        simulator,
-        parameters,
-        recording.dt,
-        training,
-        observed,
-        floor,
-        known > 0,
-        scale,
-        usual,
-        run=run,
-    )
-
-
-def _in_steps_of(problem: Problem, other: Problem) -> Problem:
-    return replace(
-        problem,
-        simulator=other.simulator,
-        substeps=other.substeps,
-        slope_steps=other.slope_steps,
-        slope_simulator=other.slope_simulator,
+        simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, usual, run=run
     )
 
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     sample = _sample(problem)
-    stands = (
-        any(problem.simulator.coordinates) and problem.dt <= SLOW_STEP
-    )  # friction may hold something at rest
+    # Friction may hold something at rest.
+    stands = any(problem.simulator.coordinates) and problem.dt <= SLOW_STEP
     fewest = problem.substeps if stands else SUBSTEPS[0]
     tolerated = np.maximum(TOLERATED_CHANGE * problem.scale, problem.floor / TOLERATED_NOISE)
     tolerated = tolerated[problem.observed]
@@ -284,9 +257,7 @@ def _fine_enough(problem: Problem) -> Problem:
 
 def _sample(problem: Problem) -> Problem:
     """The problem on a few windows, which show the base simulator's errors."""
-    settings = problem.run.settings
-    some = spread_out(problem.windows, SAMPLED_WINDOWS, settings.windows.fewest)
-    return problem.on(some)
+    return problem.on(spread_out(problem.windows, SAMPLED_WINDOWS, problem.run.settings.windows.fewest))
 
 
 def spread_out(windows: Windows, most: int, fewest: int) -> Windows:
@@ -309,20 +280,17 @@ def _length(recording: Recording, settings: Settings) -> int:
     return min(usual, max(longest, FEWEST_TRANSITIONS_OF_A_WINDOW))
 
 
-def _noisy(recording: Recording, windows: Windows, observed: BoolArray, share: float) -> bool:
+def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
     """Whether known noise hides what happens within a window, in all that was observed.
 
-    share: of what moves there, that noise must exceed.
-
-    What a lasting effect adds up to within a window grows with its length, at least linearly; noise does not. Unstable
-    systems forbid more than twice the usual length.
+    What a lasting effect adds up to within a window grows with its length, at least linearly; noise does not.
     """
     noise = np.array([recording.noise.get(name, 0.0) for name in recording.state.names])
     whole = windows.measured[windows.valid.all(axis=1)]
     if not len(whole):
         return False
     motion = np.sqrt(np.mean(whole.var(axis=1), axis=0))
-    return bool((noise > share * motion)[observed].all())
+    return bool((noise > NOISY_SHARE * motion)[observed].all())
 
 
 def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str]) -> BoolArray:
@@ -333,3 +301,78 @@ def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str])
     velocities = {coordinate.velocity for coordinate in simulator.coordinates}
     unseen = {*hidden, *(velocities if recording.velocities == "differentiated" else ())}
     return np.array([name not in unseen for name in simulator.state.names])
+
+
+def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
+    """Coordinate -> times as many substeps where dry friction acts on it: of its usual size, in a few windows.
+
+    None of a model of many joints, whose steps are too dear.
+    """
+    simulator = problem.simulator
+    if len(simulator.coordinates) > DRY_JOINTS:
+        return {}
+    rows = evenly(len(problem.windows), DRY_WINDOWS)
+    some = problem.on(problem.windows.take(rows))
+    found = {h.terms[0].on: dry_steps(some, h) for h in _usual_terms(problem, recording, (RUBS,))}
+    return {on: times for on, times in found.items() if times > 1}
+
+
+def _likely_machine(problem: Problem, recording: Recording) -> Hypothesis:
+    """A rotor and viscous friction of usual sizes at every joint: what whirls without needs steps that are too dear."""
+    every = _usual_terms(problem, recording, LIKELY)
+    return Hypothesis(tuple(t for h in every for t in h.terms), tuple(d for h in every for d in h.declared))
+
+
+def _usual_terms(problem: Problem, recording: Recording, families: Sequence[str]) -> list[Hypothesis]:
+    """Effects of their usual sizes at each of their places, one hypothesis each."""
+    simulator, out = problem.simulator, []
+    sizes = Sizes(recording, simulator, problem.parameters)
+    for effect in map(effect_of, families):
+        for on in effect.places(simulator):
+            declared = effect.parameters(sizes.place(effect, on))
+            term = Term(effect.family, on, {p.name: p.starts[0] for p in declared})
+            out.append(Hypothesis((term,), (declared,)))
+    return out
+
+
+def _means_serve(
+    simulator: Simulator, recording: Recording, parameters: Mapping[str, float], every: int
+) -> bool:
+    """Whether the base does alike with the means of commands over so many samples; a stiff servo does not.
+
+    Its error is small beside what is commanded, and so is what a mean hides of the commands.
+    """
+    system = closed(simulator)
+    assert system is not None
+    tolerated = TOLERATED_STEP_ERROR * np.concatenate([e.states for e in recording.episodes]).std(axis=0)
+    n, changes = system.steps_of(recording.dt), []
+    for episode in recording.episodes:
+        last = len(episode) - every
+        rows = evenly(max(last, 0), BLOCKS)
+        if not len(rows):
+            continue
+        acted = episode.actions[rows[:, None] + np.arange(every)]
+        means = np.broadcast_to(acted.mean(axis=1, keepdims=True), acted.shape)
+        step, t = np.diff(episode.t)[rows] / n, episode.t[rows]
+        said, meant = (
+            system.rolled((), parameters, (), episode.states[rows], np.repeat(u, n, axis=1), step, t)[:, -1]
+            for u in (acted, means)
+        )
+        changes.append(difference(said, meant, simulator.state))
+    change = np.concatenate(changes) if changes else np.zeros((1, len(tolerated)))
+    return bool((np.sqrt(np.mean(change**2, axis=0)) <= tolerated).all())
+
+
+def _steady_length(problem: Problem, machine: Callable[[], Hypothesis]) -> int:
+    """Transitions of a window within which what began alike stays so: fits get lost where it is driven apart.
+
+    In the base, unless a likely `machine` is steady throughout: then light links whirl in the base alone.
+    """
+    longest = problem.windows.length
+
+    def steady(hypothesis: Hypothesis) -> int:
+        (beyond,) = np.nonzero(growth(problem, hypothesis) > UNSTABLE)
+        return min(max(int(beyond[0]) - 1, SHORTEST_UNSTABLE), longest) if len(beyond) else longest
+
+    length = steady(Hypothesis())
+    return longest if length < longest == steady(machine()) else length

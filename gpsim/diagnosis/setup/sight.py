@@ -1,22 +1,31 @@
 """What of a simulator a recording shows: commands that never change, states held still, not measured, or not needed.
 
 A free swing with the motor off, a cart that is clamped and a robot of which only the yaw is known are recordings like
-others. What cannot be asked of them is left out, and said.
+others. What cannot be asked of them is left out, and said. A state that nobody measured is guessed from what was: a fit
+of start states needs no more to begin with.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
-from gpsim.channels import Channels, FloatArray
-from gpsim.diagnosis.setup.guesses import guess
+from gpsim.channels import Channels, FloatArray, difference
+from gpsim.diagnosis.data import THIRD_DIFFERENCE, typical
+from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.residuals import check_match
-from gpsim.simulators import SIMULATORS, Coordinate, Simulator, reduced
+from gpsim.simulators import SIMULATORS, Simulator, reduced
+
+LOOKED_AT = 20  # recorded states at which what is needed is looked for
+PROBES = (1.0, -0.3)  # by how much an absent state is moved: at two places, of which one may be special
+TURN = 24  # headings of a whole turn that are tried
+AHEAD = 5  # steps over which they are judged: one alone may be all noise
+REACHES = (1, 2, 3, 5, 8, 12)  # samples to either side, over which the slope of a noisy position may be taken
 
 
 @dataclass(frozen=True)
@@ -29,12 +38,12 @@ class Sight:
     """
 
     simulator: Simulator
-    hidden: tuple[str, ...] = ()
-    dropped: tuple[str, ...] = ()
-    held: Mapping[str, float] = field(default_factory=dict)
-    still: Mapping[str, float] = field(default_factory=dict)
-    commanded: bool = True
-    constant: tuple[str, ...] = ()
+    hidden: tuple[str, ...]
+    dropped: tuple[str, ...]
+    held: Mapping[str, float]
+    still: Mapping[str, float]
+    commanded: bool
+    constant: tuple[str, ...]
 
     @property
     def unmeasured(self) -> tuple[str, ...]:
@@ -50,26 +59,17 @@ class Sight:
             return recording
         recorded = {channel.name: channel for channel in recording.state}
         channels = Channels(tuple(recorded.get(channel.name, channel) for channel in self.simulator.state))
-        episodes = tuple(
-            replace(
-                episode,
-                states=np.stack(
-                    [guess(name, episode, recording, self.simulator) for name in channels.names], axis=1
-                ),
-                weights=_weights(episode, recording.state.names, channels.names),
-            )
-            for episode in recording.episodes
-        )
+        episodes = []
+        for e in recording.episodes:
+            states = [guess(name, e, recording, self.simulator) for name in channels.names]
+            weights = e.weights
+            if weights is not None:  # those of states that nobody measured are whole
+                known = dict(zip(recorded, weights.T, strict=True))
+                whole = [known.get(name, np.ones(len(e.t))) for name in channels.names]
+                weights = np.stack(whole, axis=1)
+            episodes.append(replace(e, states=np.stack(states, axis=1), weights=weights))
         noise = {n: v for n, v in recording.noise.items() if n in (*channels.names, *recording.action.names)}
-        return replace(recording, state=channels, episodes=episodes, noise=noise)
-
-
-def _weights(episode: Episode, recorded: Sequence[str], names: Sequence[str]) -> FloatArray | None:
-    """(K + 1, S) what the samples of the states `names` weigh; those of states that nobody measured are whole."""
-    if episode.weights is None:
-        return None
-    known = dict(zip(recorded, episode.weights.T, strict=True))
-    return np.stack([known.get(name, np.ones(len(episode.t))) for name in names], axis=1)
+        return replace(recording, state=channels, episodes=tuple(episodes), noise=noise)
 
 
 def look(recording: Recording, simulator: Simulator) -> Sight:
@@ -142,64 +142,126 @@ def _constant(recording: Recording) -> dict[str, float]:
 
 def _held(simulator: Simulator, recorded: Sequence[str], constant: Mapping[str, float]) -> list[str]:
     """States of coordinates that stand still, in position and, where that was measured, velocity."""
-
-    def stands(c: Coordinate) -> bool:
-        position = c.name in constant
-        return position and (c.velocity in constant or c.velocity not in recorded)
-
-    return [n for c in simulator.coordinates if stands(c) for n in (c.name, c.velocity)]
+    return [
+        name
+        for c in simulator.coordinates
+        if c.name in constant and (c.velocity in constant or c.velocity not in recorded)
+        for name in (c.name, c.velocity)
+    ]
 
 
 def _not_needed(recording: Recording, simulator: Simulator, absent: Sequence[str]) -> list[str]:
     """Those of the absent states on which nothing depends that the others do: the most that can be left out together.
 
-    By trial: each is moved, at recorded states and commands, and the others' derivatives looked at. The position of a
-    velocity that was measured stays: what rubs or springs there acts on a coordinate.
+    By trial: each is moved, at recorded states and commands that do something, and the others' derivatives looked at.
+    What is absent is at its start, or 0.1. The position of a velocity that was measured stays: what rubs or springs
+    there acts on a coordinate.
     """
+    rows, names, parameters = recording.transitions(), simulator.state.names, simulator.defaults()
+    some = np.unique(np.linspace(0, max(len(rows) - 1, 0), LOOKED_AT).astype(int))[: len(rows)]
+    recorded = dict(zip(recording.state.names, rows.states[some].T, strict=True))
+    columns = [recorded.get(n, np.full(len(some), simulator.start.get(n, 0.1))) for n in names]
+    state, action = np.stack(columns, axis=1), np.full((len(some), len(simulator.action)), 0.1)
+
+    def slopes(name: str, by: float) -> FloatArray:
+        moved = state.copy()
+        moved[:, names.index(name)] += by
+        with np.errstate(all="ignore"):
+            return simulator.derivative(moved, simulator.rates(moved, action, parameters))
+
+    def changed(name: str, kept: Sequence[int]) -> bool:
+        still = slopes(name, 0.0)[:, kept]
+        return any(not np.array_equal(slopes(name, by)[:, kept], still, equal_nan=True) for by in PROBES)
+
     moving = {c.name for c in simulator.coordinates if c.velocity in recording.state.names}
     out = [name for name in absent if name not in moving]
     while out:
-        kept = [i for i, name in enumerate(simulator.state.names) if name not in out]
-        needed = [name for name in out if _moves(recording, simulator, name, kept)]
+        kept = [i for i, name in enumerate(names) if name not in out]
+        needed = [name for name in out if changed(name, kept)]
         if not needed:
-            return out
+            break
         out = [name for name in out if name not in needed]
     return out
 
 
-def _moves(recording: Recording, simulator: Simulator, name: str, kept: Sequence[int]) -> bool:
-    """Whether a state that nobody measured changes the derivatives of the states `kept`."""
-    base, action = _places(recording, simulator)
-    parameters = simulator.defaults()
+def guess(name: str, episode: Episode, recording: Recording, simulator: Simulator) -> FloatArray:
+    """(K + 1,): a channel as recorded, or what goes with the others.
 
-    def slopes(state: FloatArray) -> FloatArray:
-        with np.errstate(all="ignore"):
-            return simulator.derivative(state, simulator.rates(state, action, parameters))[:, kept]
-
-    column, there = simulator.state.index(name), slopes(base)
-    for by in PROBES:
-        moved = base.copy()
-        moved[:, column] += by
-        if not np.array_equal(slopes(moved), there, equal_nan=True):
-            return True
-    return False
-
-
-PROBES = (1.0, -0.3)
-"""By how much an absent state is moved: at two places, of which one may be special."""
-
-
-def _places(recording: Recording, simulator: Simulator) -> tuple[FloatArray, FloatArray]:
-    """Some recorded states, what is absent at its guess or 0.1, and commands that do something."""
-    rows = recording.transitions()
-    some = np.unique(np.linspace(0, max(len(rows) - 1, 0), LOOKED_AT).astype(int))[: len(rows)]
-    state = np.full((len(some), len(simulator.state)), 0.1)
-    for i, name in enumerate(simulator.state.names):
-        if name in recording.state.names:
-            state[:, i] = rows.states[some, recording.state.index(name)]
-        else:
-            state[:, i] = simulator.start.get(name, 0.1)
-    return state, np.full((len(some), len(simulator.action)), 0.1)
+    The simulator's own guess where it has one; a velocity from its position, a position from its velocity; an angle
+    that wraps, as a heading, the one with which the next steps fit best; else 0.
+    """
+    names = recording.state.names
+    if name in names:
+        return episode.states[:, names.index(name)]
+    if name in simulator.start:
+        return np.full(len(episode.t), simulator.start[name])
+    for coordinate in simulator.coordinates:
+        if name == coordinate.velocity and coordinate.name in names and len(episode) > 0:
+            position = episode.states[:, names.index(coordinate.name)]
+            angle = simulator.state.units[coordinate.name] == "rad"
+            path = np.unwrap(position) if angle else position
+            if closed(simulator) is None:
+                return np.gradient(path, episode.t)
+            return speed_of(path, episode.t, recording.noise.get(coordinate.name))
+        if name == coordinate.name and coordinate.velocity in names:
+            speed = episode.states[:, names.index(coordinate.velocity)]
+            return np.asarray(cumulative_trapezoid(speed, episode.t, initial=0.0))
+    if simulator.state.wraps[simulator.state.index(name)] and len(episode) > 0:
+        return _heading(name, episode, recording, simulator)
+    return np.zeros(len(episode.t))
 
 
-LOOKED_AT = 20  # recorded states at which what is needed is looked for
+def speed_of(path: FloatArray, t: FloatArray, noise: float | None = None) -> FloatArray:
+    """(K,) velocity along a position (K,): the slope of a line through neighbours, as many as err least.
+
+    Few of them pass noise on, many round bends off. What the bends make of it shows beside the fewest, less what noise
+    explains of that. noise: standard deviation of the position; None: as its third differences say.
+    """
+    if len(path) <= 2 * REACHES[-1]:
+        return np.gradient(path, t)
+    if noise is None:
+        noise = typical(np.diff(path, 3)) / THIRD_DIFFERENCE
+    step = float(np.median(np.diff(t)))
+    slopes, reach = [_slopes(path, t, r) for r in REACHES], np.array(REACHES)
+    passed_on = (noise / step) ** 2 * 3.0 / (reach * (reach + 1) * (2 * reach + 1))
+    changed = np.mean((np.stack(slopes) - slopes[0]) ** 2, axis=1)
+    bent = np.maximum(changed - np.maximum(passed_on[0] - passed_on, 0.0), 0.0)
+    return slopes[int(np.argmin(passed_on + bent))]
+
+
+def _slopes(path: FloatArray, t: FloatArray, reach: int) -> FloatArray:
+    """(K,) the slope of a line through so many samples to either side, fewer near the ends."""
+    out, count = np.gradient(path, t), len(path)
+    for near in range(1, reach + 1):  # the widest that fits is written last
+        width = 2 * near + 1
+        rows = np.arange(count - width + 1)[:, None] + np.arange(width)
+        at, along = t[rows], path[rows]
+        at = at - at.mean(axis=1, keepdims=True)
+        out[near : count - near] = (at * along).sum(axis=1) / (at**2).sum(axis=1)
+    return np.asarray(out)
+
+
+def _heading(name: str, episode: Episode, recording: Recording, simulator: Simulator) -> FloatArray:
+    """(K + 1,): of a turn's angles the one from which the simulator best reaches the next samples."""
+    measured = [n for n in simulator.state.names if n in recording.state.names]
+    into = [simulator.state.index(n) for n in measured]
+    states = np.zeros((len(episode.t), len(simulator.state)))
+    states[:, into] = episode.states[:, [recording.state.index(n) for n in measured]]
+    parameters, column = simulator.defaults(recording.parameters), simulator.state.index(name)
+    steps, scale = np.diff(episode.t), np.maximum(np.std(states[:, into], axis=0), np.finfo(float).tiny)
+    angles = np.linspace(-np.pi, np.pi, TURN, endpoint=False)
+    costs = np.zeros((TURN, len(steps)))
+    for i, angle in enumerate(angles):
+        at = states[:-1].copy()
+        at[:, column] = angle
+        for ahead in range(AHEAD):
+            count = len(steps) - ahead
+            if count <= 0:
+                break
+            at = simulator.step(
+                at[:count], episode.actions[ahead:], parameters, steps[ahead:], simulator.integrator
+            )
+            missed = difference(at, states[ahead + 1 :], simulator.state)[:, into] / scale
+            costs[i, :count] += (missed**2).sum(axis=1)
+    best = angles[np.argmin(costs, axis=0)]
+    return np.concatenate([best, best[-1:]])

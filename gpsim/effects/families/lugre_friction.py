@@ -2,8 +2,7 @@
 
 Canudas de Wit, Olsson, Astrom and Lischinsky (1995), "A new model for control of systems with friction", IEEE
 Transactions on Automatic Control 40(3). Bristles of stiffness k bend by z before anything slides; d = sqrt(k m), as in
-their example. Without Fs and vs it is Dahl's friction (1968) with that damping. Asked where a scan over positions finds
-a force that grows over a way after each reversal.
+their example. Without Fs and vs it is Dahl's friction (1968) with that damping.
 """
 
 from __future__ import annotations
@@ -13,8 +12,10 @@ from typing import ClassVar
 
 from gpsim.effects.effect import BristleEffect
 from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.simulators import Simulator
 
-WIDER = 10.0  # times as stiff, or as soft, as the scan says
+WAYS = (0.003, 0.01, 0.03)  # of the way that was visited: by how much bristles bend, where a fit starts
+WIDER = 10.0  # times as stiff as the stiffest start, or as soft as the softest
 
 
 class LugreFriction(BristleEffect):
@@ -38,14 +39,27 @@ class LugreFriction(BristleEffect):
         "stribeck_velocity": Plausible(0.0, 0.5, "speed", "as Stribeck friction"),
     }
 
+    asked: ClassVar[bool] = False  # a start in every way it may bend is dear, and it bends to other friction
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every coordinate of a simulator that does not own its integration (MuJoCo's does)."""
+        return () if callable(getattr(simulator, "rolled", None)) else super().places(simulator)
+
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force (sliding) and stiffness of the bristles; static_force and stribeck_velocity of the whole law."""
         span, speed = place.span, place.speed
-        unit, found = f"{place.unit}/{place.position_unit}", place.yields or (0.2 * span, 0.1 * place.reach)
-        force, stiff = found[0], found[0] / found[1]
+        low, high = place.visited or (place.middle - place.reach, place.middle + place.reach)
+        force, whole = 0.2 * span, max(high - low, 1e-9)
+        stiff = tuple(force / (way * whole) for way in WAYS)
         sliding = EffectParameter("force", place.unit, 0.0, 20 * span, (force,), 0.2 * span)
         bristles = EffectParameter(
-            "stiffness", unit, stiff / WIDER, stiff * WIDER, (stiff,), 0.3 * stiff, place=True
+            "stiffness",
+            f"{place.unit}/{place.position_unit}",
+            stiff[-1] / WIDER,
+            stiff[0] * WIDER,
+            stiff,
+            0.3 * stiff[1],
+            place=True,
         )
         if not variant:
             return sliding, bristles
@@ -61,5 +75,5 @@ class LugreFriction(BristleEffect):
         return sliding, still, slow, bristles
 
     def offers(self, place: Place, variant: str) -> bool:
-        """Where a force yields."""
-        return bool(place.yields)
+        """Both variants."""
+        return True

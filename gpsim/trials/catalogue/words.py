@@ -31,7 +31,7 @@ class Word:
     commands: an actuator with memory, made of k. Of a coupling: (k, v, z, u), the force on what the command u drives,
     and how fast z moves, the twist and the motor's speed. by_command: a grip's load is the command's size.
     needs_levels: only commands of many values show it; needs_speeds: only where speeds are measured beside positions;
-    ages: only a clock that runs on. asked: is it asked where nobody requests it, so that worlds are drawn with it?
+    ages: only a clock that runs on. asked: are worlds drawn with it? (With bristles, which are asked on request, too.)
     """
 
     site: Literal["smooth", "grip", "bristles", "actuator", "commands", "coupling", "twist", "sensor", "past"]
