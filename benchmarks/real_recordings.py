@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Estimate, NamedEffect, Share
+from gpsim.findings import Estimate, NamedEffect, Share
 from gpsim.reports.quantities import percent
 
 ROOT = Path(__file__).resolve().parents[1]

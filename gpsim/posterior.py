@@ -18,10 +18,10 @@ from gpsim.corrected import Drawable, EffectsPlant, PosteriorPlant, Size, Spread
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, mean_squares
-from gpsim.diagnosis.report import NamedEffect
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Term, base_name, from_json, own_name, owner_of, to_json
 from gpsim.errors import UsageError
+from gpsim.findings import NamedEffect
 from gpsim.recordings import evenly
 
 VISITED = 128  # samples that stand for where a recording has been

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import (
+from gpsim.findings import (
     Estimate,
     HeldOutFit,
     Location,

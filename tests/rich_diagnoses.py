@@ -10,7 +10,7 @@ import numpy as np
 from made_diagnoses import made_diagnosis, made_effect, made_location, made_remainder
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import (
+from gpsim.findings import (
     Alternative,
     Combination,
     Concentration,

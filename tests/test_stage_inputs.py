@@ -13,9 +13,9 @@ from made_diagnoses import made_diagnosis, made_remainder
 from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.artifacts.store import Store
 from gpsim.corrected.effects_plant import EffectsPlant, describe
-from gpsim.diagnosis.report import RemainderGp
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
+from gpsim.findings import RemainderGp
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_recording
 from gpsim.recordings.export import Topics

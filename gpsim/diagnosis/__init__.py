@@ -2,7 +2,7 @@
 
 from gpsim.diagnosis.assessment import score
 from gpsim.diagnosis.diagnosis import Outcome, diagnose
-from gpsim.diagnosis.report import SCHEMA, Diagnosis, schema
+from gpsim.findings import SCHEMA, Diagnosis, schema
 
 __all__ = [
     "SCHEMA",

@@ -18,7 +18,9 @@ from gpsim.diagnosis.assessment import (
 )
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
-from gpsim.diagnosis.report import (
+from gpsim.diagnosis.setup import Question, not_asked
+from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
+from gpsim.findings import (
     Alternative,
     BroughtFrom,
     Combination,
@@ -34,8 +36,6 @@ from gpsim.diagnosis.report import (
     Share,
     Verdict,
 )
-from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
 from gpsim.residuals import held_out_names
 
 MOST_TOLD = 60  # hypotheses of the ranking

@@ -21,10 +21,10 @@ from gpsim.diagnosis.judging import (
     verdict_of,
 )
 from gpsim.diagnosis.ladder import Climbed, climb
-from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme, closed
+from gpsim.findings import Diagnosis, Score
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from gpsim.diagnosis import Diagnosis as Result
 from gpsim.diagnosis import score
-from gpsim.diagnosis.report import NamedEffect, Score, Verdict
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.effects import Brought, bring, consent_to, installed, own_effect, read_effects
@@ -18,6 +17,7 @@ from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.opening import Recordings, opened, taken_of
 from gpsim.face.simulators import load_simulator
+from gpsim.findings import NamedEffect, Score, Verdict
 from gpsim.posterior import LeftOpen
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole

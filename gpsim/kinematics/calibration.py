@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.report import (
+from gpsim.findings import (
     Estimate,
     GeometryFound,
     GeometryPlace,
@@ -21,7 +21,7 @@ from gpsim.diagnosis.report import (
     Inseparable,
     ToolError,
 )
-from gpsim.diagnosis.report import Kinematics as Told
+from gpsim.findings import Kinematics as Told
 from gpsim.kinematics.evidence import Linear, counting
 from gpsim.kinematics.least_squares import (
     DELAY,

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import EndErrors, Estimate, NamedEffect, OneRecording, RolloutErrors, Share
+from gpsim.findings import EndErrors, Estimate, NamedEffect, OneRecording, RolloutErrors, Share
 from gpsim.reports.account_effects import Row, curve_rows, effect_name, rows_of, slight_text, told_effects
 from gpsim.reports.account_sentences import command, following, left, rivals, verdict_sentence
 from gpsim.reports.diagnosis_text import where

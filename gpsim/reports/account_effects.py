@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Form, MeasuredCurve, NamedEffect
+from gpsim.findings import Form, MeasuredCurve, NamedEffect
 from gpsim.reports.diagnosis_text import gate_text, listed, noun
 from gpsim.reports.quantities import certainty_text, is_open, percent, shortened, size_text, spelled
 from gpsim.reports.sheets import MISSING

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from gpsim.channels import Channels
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import MeasuredCurve, NamedEffect
+from gpsim.findings import MeasuredCurve, NamedEffect
 from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_sentences import left_share
 from gpsim.reports.canvas import (

@@ -7,8 +7,8 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, NamedEffect, sized
 from gpsim.diagnosis.settings import VerdictSettings
+from gpsim.findings import BlackBox, Claims, Estimate, JudgedOn, Leads, NamedEffect, sized
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import beyond, claim_name, effect_name, told_effects
 from gpsim.reports.diagnosis_text import combination_texts, listed, parameters_of

@@ -9,8 +9,8 @@ from itertools import accumulate
 from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import HeldOutFit, Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
+from gpsim.findings import HeldOutFit, Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
 from gpsim.reports.account_figures import MOST, PARTS, ROLLOUT

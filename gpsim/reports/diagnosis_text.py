@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
-from gpsim.diagnosis.report import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
 from gpsim.effects import CURVES, FAMILIES
+from gpsim.findings import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
 from gpsim.reports.quantities import interval_text, number, percent, spelled
 from gpsim.reports.sheets import unit
 

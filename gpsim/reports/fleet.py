@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Estimate, NamedEffect
+from gpsim.findings import Estimate, NamedEffect
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import claim_name, effect_name, told_effects
 from gpsim.reports.account_lines import account_lines

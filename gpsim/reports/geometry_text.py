@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.report import (
+from gpsim.findings import (
     GeometryFound,
     GeometryKind,
     GeometryPlace,

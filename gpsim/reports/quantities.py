@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gpsim.reports.sheets import MISSING, significant, unit
 
 if TYPE_CHECKING:  # every figure needs this file, and few the diagnosis
-    from gpsim.diagnosis.report import Estimate, Odds, Share
+    from gpsim.findings import Estimate, Odds, Share
 
 ELLIPSIS = "…"
 LONGEST = 28  # letters of a name in a figure

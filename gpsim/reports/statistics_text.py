@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Score, Scored, Share
 from gpsim.diagnosis.run import Decision
+from gpsim.findings import Score, Scored, Share
 from gpsim.reports.account_effects import effect_name
 from gpsim.reports.diagnosis_text import terms_text
 from gpsim.reports.quantities import MANY, number, odds_text, percent, share_text

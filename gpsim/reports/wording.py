@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import (
+from gpsim.effects import FAMILIES
+from gpsim.findings import (
     Claims,
     Combination,
     Discrimination,
@@ -18,7 +19,6 @@ from gpsim.diagnosis.report import (
     Remainder,
     Separation,
 )
-from gpsim.effects import FAMILIES
 from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text
 from gpsim.reports.geometry_text import with_sentences

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.diagnosis import score
-from gpsim.diagnosis.report import Score
 from gpsim.diagnosis.run import Run
 from gpsim.files import Json, read_object, write_json
+from gpsim.findings import Score
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import told_effects
 from gpsim.stages import build_residuals, collect, diagnose

@@ -13,12 +13,12 @@ from gpsim.artifacts import Mishaps
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose
-from gpsim.diagnosis.report import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
+from gpsim.findings import Estimate, Kinematics, NamedEffect, NoGp, RemainderGp
 from gpsim.mjcf import Correction, MjcfSimulator, Moved, Place, planned
 from gpsim.posterior import left_open_data, posterior_of
 from gpsim.recordings import Recording, without_poses

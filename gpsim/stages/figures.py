@@ -10,8 +10,8 @@ import numpy as np
 
 from gpsim.artifacts import Artifact
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Score
 from gpsim.files import Json, read_object
+from gpsim.findings import Score
 from gpsim.recordings import Inspection, Recording, gaps, read_recording
 
 FILES: Mapping[str, Mapping[str, str]] = {

@@ -9,9 +9,9 @@ from made_diagnoses import made_diagnosis, made_effect
 from test_json import read
 
 from gpsim.artifacts import Recipe
-from gpsim.diagnosis.report import Estimate
 from gpsim.errors import UsageError
 from gpsim.files import write_json
+from gpsim.findings import Estimate
 from gpsim.reports.wording import worded
 from gpsim.stages import fleet
 

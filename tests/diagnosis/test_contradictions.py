@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 from rich_diagnoses import RICH, friction, named, size, viscous
 
-from gpsim.diagnosis.report import (
+from gpsim.diagnosis.judging import contradictions
+from gpsim.findings import (
     Alternative,
     BlackBox,
     HeldOutFit,
     Odds,
     Share,
-    contradictions,
 )
 from gpsim.reports.wording import worded
 

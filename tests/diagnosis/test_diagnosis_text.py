@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_location
 
-from gpsim.diagnosis.report import Concentration, StepErrors
+from gpsim.findings import Concentration, StepErrors
 from gpsim.reports.diagnosis_text import _between, _moment, _part, where
 from gpsim.reports.quantities import in_percent
 

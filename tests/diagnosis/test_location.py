@@ -6,8 +6,8 @@ import numpy as np
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.location import _concentrated, depends_on, most_telling
-from gpsim.diagnosis.report import StepErrors
 from gpsim.diagnosis.run import Run
+from gpsim.findings import StepErrors
 from gpsim.simulators import make_simulator
 from gpsim.simulators.wrapping import wrapping
 

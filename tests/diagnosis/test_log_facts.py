@@ -9,9 +9,9 @@ from gpsim.channels import Channels, wrap_angle
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.data import clock, cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings, WindowSettings
 from gpsim.diagnosis.setup import look, look_at, mended, prepare
+from gpsim.findings import LogFact
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 

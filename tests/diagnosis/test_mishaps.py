@@ -14,8 +14,8 @@ from gpsim.artifacts.mishaps import Mishaps, read_warnings
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.judging import attribute
-from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
+from gpsim.findings import NoGp
 from gpsim.recordings.files import write_recording
 from gpsim.reports import diagnosis_figures
 from gpsim.stages import diagnosis_files

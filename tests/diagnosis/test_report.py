@@ -17,9 +17,9 @@ from made_diagnoses import made_diagnosis, made_effect, made_location, made_rema
 from gpsim.artifacts.artifact import Recipe
 from gpsim.artifacts.store import Store
 from gpsim.diagnosis import SCHEMA, Diagnosis, schema
-from gpsim.diagnosis.report import Discrimination, Estimate, NoGp, Ratio, RemainderGp, StepErrors
-from gpsim.diagnosis.report.codec import FLAT, may_lack, written_fields
 from gpsim.errors import UsageError
+from gpsim.findings import Discrimination, Estimate, NoGp, Ratio, RemainderGp, StepErrors
+from gpsim.findings.codec import FLAT, may_lack, written_fields
 from gpsim.stages.diagnose import read_diagnosis
 
 VALID = Draft202012Validator(schema())

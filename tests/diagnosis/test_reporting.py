@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gpsim.diagnosis.report import OverBefore, Ratio, StepErrors
+from gpsim.findings import OverBefore, Ratio, StepErrors
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports import diagnosis_page
 from gpsim.residuals.split import held_out_names

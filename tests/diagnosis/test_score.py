@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import score
-from gpsim.diagnosis.report import Score
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
+from gpsim.findings import Score
 from gpsim.recordings import write_recording
 from gpsim.reports.statistics_text import score_lines
 from gpsim.simulators import make_simulator

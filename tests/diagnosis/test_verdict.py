@@ -7,9 +7,9 @@ import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judging import Tried, beats_the_base, claimed, doubts_of, verdict_of
-from gpsim.diagnosis.report import BlackBox, Estimate, Explained, Ratio, Share, StepErrors
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 from gpsim.effects import EffectParameter, Term
+from gpsim.findings import BlackBox, Estimate, Explained, Ratio, Share, StepErrors
 
 GAIN = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
 

@@ -9,11 +9,11 @@ from gpsim.diagnosis.assessment.remainder_gp import Corrected, best, learn, why_
 from gpsim.diagnosis.assessment.rollouts import whole_windows
 from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.report import NoGp
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.effects.term import Gate
+from gpsim.findings import NoGp
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

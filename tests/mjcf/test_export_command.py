@@ -14,9 +14,9 @@ from mjcf_models import DOUBLE, written
 
 from gpsim.artifacts import Store
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis.report import Estimate
 from gpsim.effects import Term
 from gpsim.errors import UsageError
+from gpsim.findings import Estimate
 from gpsim.mjcf import open_simulator
 from gpsim.reports.diagnosis_page import page
 from gpsim.simulators import make_simulator

@@ -6,10 +6,10 @@ import pytest
 from mjcf.test_export_model import apart, exported, native, replayed
 from mjcf_models import DOUBLE, SKID, one_by_one, written
 
-from gpsim.diagnosis.report import NotAsked
 from gpsim.diagnosis.setup import not_asked, prepare
 from gpsim.diagnosis.setup.offers import candidates
 from gpsim.effects import Term
+from gpsim.findings import NotAsked
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
 from gpsim.reports.diagnosis_text import not_asked_lines

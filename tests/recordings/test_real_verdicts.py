@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.report import contradictions
+from gpsim.diagnosis.judging import contradictions
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
 from gpsim.reports.wording import worded

@@ -21,7 +21,7 @@ from rich_diagnoses import (
 )
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Combination, Explained, LogFact, Odds, Share
+from gpsim.findings import Combination, Explained, LogFact, Odds, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.statistics_text import effects_sheet, statistics

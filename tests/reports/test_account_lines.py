@@ -12,7 +12,7 @@ from made_diagnoses import made_diagnosis, made_effect, made_location, made_rema
 from rich.cells import cell_len
 from rich_diagnoses import RICH, friction, named, partial, stribeck
 
-from gpsim.diagnosis.report import (
+from gpsim.findings import (
     Alternative,
     Combination,
     Estimate,

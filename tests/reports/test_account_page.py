@@ -13,7 +13,7 @@ from pages import check_policy
 from rich_diagnoses import RICH, friction, gain, measured, named, partial, share, unknown, viscous
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.report import Explained, NotAsked, Share
+from gpsim.findings import Explained, NotAsked, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page

@@ -1,6 +1,6 @@
 """Measured curves in words and as a picture."""
 
-from gpsim.diagnosis.report import Estimate, MeasuredCurve, NamedEffect
+from gpsim.findings import Estimate, MeasuredCurve, NamedEffect
 from gpsim.reports.account_effects import beyond, course, curve_sentence, effect_name, extent
 from gpsim.reports.account_figures import measured_picture
 from gpsim.reports.canvas import style

@@ -2,7 +2,7 @@
 
 from made_diagnoses import made_diagnosis, made_effect
 
-from gpsim.diagnosis.report import Alternative, Estimate
+from gpsim.findings import Alternative, Estimate
 from gpsim.reports.fleet import ODD, Robot, deviations, fleet_page, fleet_picture, headline
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from gpsim.diagnosis.report import Combination, Estimate, LogFact, Share
+from gpsim.findings import Combination, Estimate, LogFact, Share
 from gpsim.reports.diagnosis_text import (
     combination_text,
     combination_texts,

@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_remainder
 
-from gpsim.diagnosis.report import (
+from gpsim.effects import FAMILIES, Place
+from gpsim.findings import (
     Alternative,
     Discrimination,
     Estimate,
@@ -15,7 +16,6 @@ from gpsim.diagnosis.report import (
     RemainderGp,
     Separation,
 )
-from gpsim.effects import FAMILIES, Place
 from gpsim.reports.wording import (
     effect_sentence,
     excitation_text,

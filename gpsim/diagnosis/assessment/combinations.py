@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.assessment.estimates import informed, stopped
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
-from gpsim.diagnosis.report import Combination
+from gpsim.findings import Combination
 
 WIDE = 0.2
 """Standard deviation of a parameter's logarithm that leaves it open: its interval is a third to either side (a cart-

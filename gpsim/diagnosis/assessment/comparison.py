@@ -37,7 +37,9 @@ from gpsim.diagnosis.assessment.rollouts import (
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import Attribution, Judgement
-from gpsim.diagnosis.report import (
+from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
+from gpsim.effects import ParameterEffect, effect_of
+from gpsim.findings import (
     BlackBox,
     BoxKind,
     Kind,
@@ -48,8 +50,6 @@ from gpsim.diagnosis.report import (
     Share,
     StepErrors,
 )
-from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
-from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
 
 STEPS_LOOKED_AT = 20_000  # transitions evenly spread, from which these are taken

@@ -21,7 +21,6 @@ from scipy.special import ndtri, stdtrit
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, Shooting, coordinates
-from gpsim.diagnosis.report import Estimate
 from gpsim.diagnosis.settings import IntervalSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import (
@@ -34,6 +33,7 @@ from gpsim.effects import (
     owner_of,
     times_beyond,
 )
+from gpsim.findings import Estimate
 from gpsim.simulators import Simulator
 
 OPEN = 1e-13  # of the largest curvature: the windows know as much at least of any direction

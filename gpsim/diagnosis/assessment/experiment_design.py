@@ -11,8 +11,8 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.report import Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
+from gpsim.findings import Discrimination, Excitation, Separation, Shape
 
 FEWEST_STEPS = 20  # transitions of one at least
 MOST_STEPS = 150  # transitions of one at most

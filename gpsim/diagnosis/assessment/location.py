@@ -11,8 +11,8 @@ from gpsim.channels import BoolArray, FloatArray, wrap_angle
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.data import TYPICAL
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.report import Concentration, Location, Verdict
 from gpsim.diagnosis.setup import Question
+from gpsim.findings import Concentration, Location, Verdict
 from gpsim.simulators import Simulator
 
 RESIDUAL_BINS = 8  # of equal numbers of samples, in which a residual is averaged

@@ -26,8 +26,8 @@ from gpsim.diagnosis.fitting import (
     without_sensors,
 )
 from gpsim.diagnosis.judging import draws, share_of
-from gpsim.diagnosis.report import BlackBox, BoxKind, NoGp
 from gpsim.diagnosis.setup import Question
+from gpsim.findings import BlackBox, BoxKind, NoGp
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
 MOST_SHARE = 0.8  # of those there are, that it learns from: it is judged on the others

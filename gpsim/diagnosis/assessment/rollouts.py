@@ -14,8 +14,8 @@ from gpsim.channels import Channel, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import horizon_of, interval_of, share_of
-from gpsim.diagnosis.report import Kind, OverBefore, Ratio, Rollout, RolloutErrors, RolloutModelErrors, Share
 from gpsim.diagnosis.setup import Completions, Question
+from gpsim.findings import Kind, OverBefore, Ratio, Rollout, RolloutErrors, RolloutModelErrors, Share
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
 

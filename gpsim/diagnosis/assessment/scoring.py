@@ -35,7 +35,11 @@ from gpsim.diagnosis.judging import (
     judge_at,
     rollouts_in,
 )
-from gpsim.diagnosis.report import (
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.setup import Completions, Question, prepare
+from gpsim.effects import base_name, closed, owner_of
+from gpsim.errors import UsageError
+from gpsim.findings import (
     EndErrors,
     Explained,
     FromOthers,
@@ -46,10 +50,6 @@ from gpsim.diagnosis.report import (
     Scored,
     Share,
 )
-from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.setup import Completions, Question, prepare
-from gpsim.effects import base_name, closed, owner_of
-from gpsim.errors import UsageError
 from gpsim.recordings import HeldOut, Recording, apart
 from gpsim.residuals import held_out_names
 

@@ -17,10 +17,10 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis
 from gpsim.diagnosis.judging.importance import importances, players
 from gpsim.diagnosis.judging.judges import LOW, TINY, Judge, Mismatch, rollout_judge, window_judge
-from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
+from gpsim.findings import Explained, JudgedOn, Role, Share
 
 SEED = 2040  # of the draws: the same account is judged alike, whoever asks
 

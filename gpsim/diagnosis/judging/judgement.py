@@ -9,9 +9,9 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis
-from gpsim.diagnosis.report import Claims, Odds, RankedHypothesis
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.effects import CURVES, Gate, Moment
+from gpsim.findings import Claims, Odds, RankedHypothesis
 
 FAR_AHEAD = 100.0
 """By which another account may be ahead, if something else than evidence chose the leader [nats]."""

@@ -26,9 +26,9 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, at, rms, stretches, typical
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, fit, predicted
-from gpsim.diagnosis.report import JudgedOn, Share
 from gpsim.diagnosis.setup import Question, telling
 from gpsim.effects import closed
+from gpsim.findings import JudgedOn, Share
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
 

@@ -20,7 +20,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gpsim.diagnosis.judging.attribution import Attribution
 from gpsim.diagnosis.judging.judgement import Judgement, odds_against
-from gpsim.diagnosis.report import (
+from gpsim.diagnosis.settings import Known, Settings
+from gpsim.effects import Measured
+from gpsim.findings import (
     BlackBox,
     Doubt,
     Estimate,
@@ -31,8 +33,6 @@ from gpsim.diagnosis.report import (
     no_size,
     sized,
 )
-from gpsim.diagnosis.settings import Known, Settings
-from gpsim.effects import Measured
 
 
 def claimed(

@@ -25,9 +25,9 @@ from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.ladder.telling import told
-from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Measured, Term, closed
+from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH, FINISH_OF_A_ROBOT = 10, 3  # rounds of the last fit

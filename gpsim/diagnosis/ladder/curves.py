@@ -19,8 +19,8 @@ from gpsim.diagnosis.ladder.account import Account
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Lines
 from gpsim.diagnosis.ladder.search import SETTLE, Search
-from gpsim.diagnosis.report import MeasuredCurve
 from gpsim.effects import EffectParameter, Place, Shape, Term, effect_of
+from gpsim.findings import MeasuredCurve
 from gpsim.simulators import Simulator
 
 OUTER = 0.01  # quantile of what was visited, at which the outer knots stand

@@ -17,9 +17,9 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Problem
 from gpsim.diagnosis.ladder.search import Search
-from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import PushSettings
 from gpsim.diagnosis.setup import Question
+from gpsim.findings import LogFact
 from gpsim.recordings import Episode
 
 FEWEST = 20  # windows: of fewer nobody can say what is usual

@@ -21,10 +21,10 @@ import numpy as np
 
 from gpsim.channels import BoolArray, Channel, Channels, FloatArray, wrap_angle
 from gpsim.diagnosis.data import held_with, outliers, quantum, repeats, whole_packets
-from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings
 from gpsim.effects import closed
 from gpsim.errors import UsageError
+from gpsim.findings import LogFact
 from gpsim.recordings import Episode, Recording, Transitions, evenly, gaps, pieces
 from gpsim.simulators import Coordinate, Parameters, Simulator
 

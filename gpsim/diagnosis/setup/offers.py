@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.diagnosis.report import NotAsked
 from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, declared, effect_of
+from gpsim.findings import NotAsked
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 

@@ -25,7 +25,6 @@ from gpsim.diagnosis.fitting import (
     numerical_error,
     stepped,
 )
-from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup.estimated import smoothed
@@ -35,6 +34,7 @@ from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, closed, effect_of
 from gpsim.errors import NoDiagnosis, UsageError
+from gpsim.findings import LogFact
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping

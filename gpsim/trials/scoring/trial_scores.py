@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.diagnosis.report import contradictions
+from gpsim.diagnosis.judging import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import (

@@ -1,7 +1,7 @@
 """The result of a diagnosis as typed, frozen objects, and the file they are read from and written to."""
 
-from gpsim.diagnosis.report.contradictions import contradictions, no_size, sized
-from gpsim.diagnosis.report.diagnosis import (
+from gpsim.findings.codec import read
+from gpsim.findings.diagnosis import (
     SCHEMA,
     BroughtFrom,
     Concentration,
@@ -22,7 +22,7 @@ from gpsim.diagnosis.report.diagnosis import (
     Verdict,
     schema,
 )
-from gpsim.diagnosis.report.effects import (
+from gpsim.findings.effects import (
     Alternative,
     Claims,
     Combination,
@@ -39,8 +39,10 @@ from gpsim.diagnosis.report.effects import (
     RankedHypothesis,
     Role,
     Share,
+    no_size,
+    sized,
 )
-from gpsim.diagnosis.report.fit import (
+from gpsim.findings.fit import (
     BlackBox,
     BoxKind,
     HeldOutFit,
@@ -55,7 +57,7 @@ from gpsim.diagnosis.report.fit import (
     Scored,
     StepErrors,
 )
-from gpsim.diagnosis.report.kinematics import (
+from gpsim.findings.kinematics import (
     GeometryFound,
     GeometryKind,
     GeometryPlace,
@@ -120,8 +122,8 @@ __all__ = [
     "StepErrors",
     "ToolError",
     "Verdict",
-    "contradictions",
     "no_size",
+    "read",
     "schema",
     "sized",
 ]

@@ -1,4 +1,4 @@
-"""Whether a diagnosis.json contradicts itself, and whether the data know how large an effect is.
+"""Whether a diagnosis.json contradicts itself: verdict, odds, probabilities, sizes and claims must agree.
 
 The rules are those by which a verdict is made, read from the file alone, so that any file can be held to them. A file
 of an earlier version lacks some keys, and is not held to what they say.
@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from typing import Any
 
-from gpsim.diagnosis.report.codec import read
-from gpsim.diagnosis.report.effects import Estimate
 from gpsim.diagnosis.settings import VerdictSettings
-from gpsim.effects import FAMILIES, EffectParameter, Place, base_name, own_name
+from gpsim.effects import own_name
+from gpsim.findings import Estimate, no_size, read, sized
 
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
-MUCH_MORE = 0.25  # of an account's error, that a black box takes off surely: it is not named
-LITTLE = 0.05  # of the mismatch: where less is left, what a black box makes of it is no reason for doubt
 CLOSE = 1.025  # of a ratio of probabilities: explanations are as likely, and numbers are rounded in the file
 
 
@@ -72,7 +68,7 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     most = share["share"] if share["high"] is None else share["high"]
     taken = (diagnosis["fit"].get("black_box") or {"takes_off": {"share": 0.0}})["takes_off"]
     least = taken["share"] if taken.get("low") is None else taken["low"]
-    if least > MUCH_MORE and most < 1 - LITTLE:
+    if least > VerdictSettings().black_box and most < 1 - VerdictSettings().little:
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 
@@ -122,44 +118,3 @@ def _claim(effect: Json) -> tuple[str, str]:
 
 def _name(effect: Json) -> str:
     return " on ".join(_claim(effect))
-
-
-WIDEST = 2.0  # times a size: an interval that is wider does not know it
-NOTHING = 3 * WIDEST  # times a size: of one that is as wide nothing is known at all
-
-
-def sized(family: str, parameters: Mapping[str, Estimate]) -> bool:
-    """Whether some parameter's interval excludes what does nothing, and is not wider than twice the size.
-
-    One is enough: of two gains one may be as it should, of a law's shape little need be known.
-    """
-    return _some(family, parameters, WIDEST)
-
-
-def no_size(family: str, parameters: Mapping[str, Estimate]) -> bool:
-    """Whether nothing is known of any parameter: 0 +- 1100 N."""
-    return not _some(family, parameters, NOTHING)
-
-
-def _some(family: str, parameters: Mapping[str, Estimate], widest: float) -> bool:
-    """Whether some interval is no wider than `widest` times its size; of a size it excludes what does nothing, too."""
-    declared, asked = _declared(family), False
-    for name, size in parameters.items():
-        known = declared.get(base_name(name))
-        if known is not None and known.place:
-            continue
-        asked, none = True, known.none if known else 0.0
-        if size.low is not None and size.high is not None:
-            outside = widest > WIDEST or not size.low <= none <= size.high
-            if outside and size.high - size.low <= widest * abs(size.value - none):
-                return True
-    return not asked
-
-
-@cache
-def _declared(family: str) -> Mapping[str, EffectParameter]:
-    """The parameters of a family of the catalogue by name; none of another's."""
-    if family not in FAMILIES:
-        return {}
-    effect, place = FAMILIES[family], Place("q", "1", loaded=True)
-    return {p.name: p for variant in effect.variants for p in effect.parameters(place, variant)}

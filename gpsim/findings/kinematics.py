@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from gpsim.diagnosis.report.effects import Estimate
+from gpsim.findings.effects import Estimate
 
 GeometryKind = Literal[
     "frame turn",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Literal
 
-from gpsim.diagnosis.report.codec import OMITTED
+from gpsim.effects import FAMILIES, EffectParameter, Place, base_name
+from gpsim.findings.codec import OMITTED
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
@@ -198,3 +200,44 @@ class LogFact:
     count: int = 0
     value: float | None = None
     unit: str = ""
+
+
+WIDEST = 2.0  # times a size: an interval that is wider does not know it
+NOTHING = 3 * WIDEST  # times a size: of one that is as wide nothing is known at all
+
+
+def sized(family: str, parameters: Mapping[str, Estimate]) -> bool:
+    """Whether some parameter's interval excludes what does nothing, and is not wider than twice the size.
+
+    One is enough: of two gains one may be as it should, of a law's shape little need be known.
+    """
+    return _some(family, parameters, WIDEST)
+
+
+def no_size(family: str, parameters: Mapping[str, Estimate]) -> bool:
+    """Whether nothing is known of any parameter: 0 +- 1100 N."""
+    return not _some(family, parameters, NOTHING)
+
+
+def _some(family: str, parameters: Mapping[str, Estimate], widest: float) -> bool:
+    """Whether some interval is no wider than `widest` times its size; of a size it excludes what does nothing, too."""
+    declared, asked = _declared(family), False
+    for name, size in parameters.items():
+        known = declared.get(base_name(name))
+        if known is not None and known.place:
+            continue
+        asked, none = True, known.none if known else 0.0
+        if size.low is not None and size.high is not None:
+            outside = widest > WIDEST or not size.low <= none <= size.high
+            if outside and size.high - size.low <= widest * abs(size.value - none):
+                return True
+    return not asked
+
+
+@cache
+def _declared(family: str) -> Mapping[str, EffectParameter]:
+    """The parameters of a family of the catalogue by name; none of another's."""
+    if family not in FAMILIES:
+        return {}
+    effect, place = FAMILIES[family], Place("q", "1", loaded=True)
+    return {p.name: p for variant in effect.variants for p in effect.parameters(place, variant)}

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
-from gpsim.diagnosis.report.codec import FLAT, OMITTED, read, written
-from gpsim.diagnosis.report.effects import Explained, Share
 from gpsim.errors import UsageError
+from gpsim.findings.codec import FLAT, OMITTED, read, written
+from gpsim.findings.effects import Explained, Share
 
 Kind = Literal["before", "tuned", "gp", "after", "after_gp", "noise_floor"]
 BoxKind = Literal["gp", "after_gp", "curve"]

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any, Literal
 
-from gpsim.diagnosis.report.codec import OMITTED, UNWRITTEN, read, written
-from gpsim.diagnosis.report.effects import (
+from gpsim.errors import UsageError
+from gpsim.findings.codec import OMITTED, UNWRITTEN, read, written
+from gpsim.findings.effects import (
     Alternative,
     Claims,
     Combination,
@@ -22,9 +23,8 @@ from gpsim.diagnosis.report.effects import (
     RankedHypothesis,
     Share,
 )
-from gpsim.diagnosis.report.fit import HeldOutFit
-from gpsim.diagnosis.report.kinematics import Kinematics
-from gpsim.errors import UsageError
+from gpsim.findings.fit import HeldOutFit
+from gpsim.findings.kinematics import Kinematics
 
 SCHEMA = "gpsim.diagnosis/2"
 SCHEMAS = "gpsim.diagnosis/"  # of any version: those to come have all of its keys
@@ -297,6 +297,6 @@ class Diagnosis:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of diagnosis.json."""
-    text = (files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8")
+    text = (files("gpsim.findings") / "schema.json").read_text(encoding="utf-8")
     content: dict[str, Any] = json.loads(text)
     return content
