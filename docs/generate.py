@@ -9,8 +9,9 @@ from generators.effects import effects_page
 from generators.index import index_page
 from generators.proofs import proofs_page
 from generators.python_page import page as python_page
+from generators.settings import as_page, as_yaml
 
-from gpsim.diagnosis.settings import Settings, as_page, as_yaml
+from gpsim.diagnosis.settings import Settings
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES: Mapping[str, Callable[[], str]] = {

@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 from rich_diagnoses import RICH, friction, named, size, viscous
 
-from gpsim.diagnosis.judging import contradictions
 from gpsim.findings import (
     Alternative,
     BlackBox,
@@ -15,6 +14,7 @@ from gpsim.findings import (
     Share,
 )
 from gpsim.reports.wording import worded
+from gpsim.trials.scoring import contradictions
 
 
 def found_in(diagnosis):

@@ -9,13 +9,13 @@ from rich_diagnoses import friction, named, size
 from gpsim.diagnosis.assessment.estimates import estimates
 from gpsim.diagnosis.fitting import Shooting
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.judging import contradictions
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import EffectParameter, Place, Term
 from gpsim.findings import Odds, no_size, sized
 from gpsim.recordings import joined
 from gpsim.reports.wording import implausible_text
 from gpsim.simulators import make_simulator
+from gpsim.trials.scoring import contradictions
 
 from .worlds import World, record
 

@@ -6,15 +6,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from gpsim.diagnosis.settings import Settings, as_mapping, as_page, as_yaml, described, read_settings
+from gpsim.diagnosis.settings import Settings, as_mapping, described, read_settings
 from gpsim.errors import UsageError
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def test_what_is_generated_is_current():
-    assert (ROOT / "docs/reference/settings.md").read_text(encoding="utf-8") == as_page(Settings())
-    assert (ROOT / "conf/diagnose/default.yaml").read_text(encoding="utf-8") == as_yaml(Settings())
 
 
 def test_the_configuration_holds_the_defaults():

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.judging import contradictions
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
 from gpsim.reports.wording import worded
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import read_logs
+from gpsim.trials.scoring import contradictions
 
 TANKS = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 SETS = {

@@ -1,7 +1,6 @@
 """Judging: how much an account explains, what each effect is worth, its rivals, and what may be said of it."""
 
 from gpsim.diagnosis.judging.attribution import SEED, Attribution, attribute, explained_by
-from gpsim.diagnosis.judging.contradictions import contradictions
 from gpsim.diagnosis.judging.judgement import Judgement, Tried, odds_against, probabilities_of, rivals_among
 from gpsim.diagnosis.judging.judges import (
     RolloutJudge,
@@ -22,7 +21,6 @@ __all__ = [
     "Tried",
     "attribute",
     "claimed",
-    "contradictions",
     "doubts_of",
     "draws",
     "explained_by",

@@ -11,12 +11,12 @@ from gpsim.diagnosis.settings.numbers import (
     VerdictSettings,
     WindowSettings,
 )
-from gpsim.diagnosis.settings.reference import as_page, as_yaml
-from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
+from gpsim.diagnosis.settings.settings import WHERE, Settings, as_mapping, read_settings
 
 __all__ = [
     "NAMES",
     "NOTHING_KNOWN",
+    "WHERE",
     "IntervalSettings",
     "Known",
     "LawSettings",
@@ -27,8 +27,6 @@ __all__ = [
     "VerdictSettings",
     "WindowSettings",
     "as_mapping",
-    "as_page",
-    "as_yaml",
     "described",
     "read_known",
     "read_settings",

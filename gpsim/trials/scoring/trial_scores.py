@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.diagnosis.judging import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import (
@@ -20,6 +19,7 @@ from gpsim.trials.rivals import (
     whole_listing,
 )
 from gpsim.trials.scoring.claims import Json
+from gpsim.trials.scoring.contradictions import contradictions
 from gpsim.trials.scoring.curve_rules import score_curve, score_plan
 from gpsim.trials.scoring.machine_rules import of_first, score_machine
 from gpsim.trials.scoring.rules import score

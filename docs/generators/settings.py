@@ -7,8 +7,7 @@ import inspect
 from collections.abc import Iterator
 from typing import Any
 
-from gpsim.diagnosis.settings.declare import described
-from gpsim.diagnosis.settings.settings import WHERE, Settings
+from gpsim.diagnosis.settings import WHERE, Settings, described
 
 KNOWN = (
     "known:                 # what you know of the base simulator; names in docs/how-to/partial_recordings.md",
