@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
-from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
+from gpsim.diagnosis.assessment import Comparison, averaged, compare, score
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, fit
 from gpsim.diagnosis.judging import (
     Judgement,
@@ -101,7 +101,8 @@ def _answer(
         judgement, curves = _withheld(question, judgement), {}
         attribution = attribute(question, judgement.leader, judgement.null, (), ())
         comparison = compare(question, judgement, attribution, offers, rng)
-    sizes = estimates(question, judgement.leader, 1.0 - attribution.share.share)
+    left = 1.0 - attribution.share.share
+    sizes = averaged(question, judgement.leader, judgement.rivals, judgement.probabilities, left)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
     forms = forms_of(judgement, attribution, climbed.asked, settings.curves.tenth)
     doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))

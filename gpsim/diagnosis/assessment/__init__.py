@@ -2,7 +2,7 @@
 
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import Comparison, compare
-from gpsim.diagnosis.assessment.estimates import covariance, estimates, intervals
+from gpsim.diagnosis.assessment.estimates import averaged, covariance, estimates, intervals
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.rollouts import Model
@@ -12,6 +12,7 @@ __all__ = [
     "SINCE_REVERSAL",
     "Comparison",
     "Model",
+    "averaged",
     "by_recording",
     "combinations",
     "compare",

@@ -8,6 +8,10 @@ units one by one: a ratio's interval is as wide, in logarithms, to either side.
 What is left after a fit is what no named effect could take. What they did take of it went into their sizes, the same
 way everywhere, so that neither windows nor runs of them disagree (Kennedy and O'Hagan 2001: a model's inadequacy is no
 noise). How much that is was measured on rough worlds, which hold two to four nuisances outside the catalogue.
+
+Where rivals cannot be ruled out that say something else of the same parameter, an interval is that of the mixture
+(Hoeting et al. 1999, "Bayesian model averaging", Statistical Science 14): a motor's gain in a mass's place scales all
+forces.
 """
 
 from __future__ import annotations
@@ -17,7 +21,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri, stdtrit
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, Shooting, coordinates
@@ -63,6 +68,52 @@ def estimates(question: Question, found: Fit, left: float) -> tuple[dict[str, Es
         sizes |= _not_asked(problem.simulator, term, sizes)
         out.append(sizes)
     return tuple(out)
+
+
+def averaged(
+    question: Question, leader: Fit, rivals: Sequence[Fit], probabilities: Sequence[float], left: float
+) -> tuple[dict[str, Estimate], ...]:
+    """The leader's estimates, with intervals that hold what rivals say of the same, as likely as they are.
+
+    probabilities: of the leader, then of the rivals; left: as of `estimates`.
+    """
+    own, *others = (estimates(question, found, left) for found in (leader, *rivals))
+    level, out = question.run.settings.intervals.level, []
+    for term, sizes in zip(leader.hypothesis.terms, own, strict=True):
+        told = [
+            (p, said)
+            for p, found, every in zip(probabilities[1:], rivals, others, strict=True)
+            for other, said in zip(found.hypothesis.terms, every, strict=True)
+            if (other.identity, other.variant, other.gate) == (term.identity, term.variant, term.gate)
+        ]
+        out.append(
+            {
+                name: _mixed(
+                    size, [(probabilities[0], size), *((p, e[name]) for p, e in told if name in e)], level
+                )
+                for name, size in sizes.items()
+            }
+        )
+    return tuple(out)
+
+
+def _mixed(own: Estimate, parts: Sequence[tuple[float, Estimate]], level: float) -> Estimate:
+    """The estimate with the interval of a mixture of normal distributions, no narrower than its own."""
+    if len(parts) < 2 or any(e.low is None or e.high is None for _, e in parts):
+        return own
+    weights, middles = (np.array(x) for x in zip(*((p, e.value) for p, e in parts), strict=True))
+    ends = np.array([(e.low, e.high) for _, e in parts], dtype=float)
+    deviations = np.maximum(
+        np.ptp(ends, axis=1) / (2 * ndtri(0.5 + level / 2)), 1e-12 * np.abs(middles) + TINY
+    )
+    far = 10.0 * deviations.max()
+
+    def beyond(x: float, share: float) -> float:
+        return float(weights @ ndtr((x - middles) / deviations) / weights.sum()) - share
+
+    bracket = middles.min() - far, middles.max() + far
+    low, high = (brentq(beyond, *bracket, args=(0.5 + side * level / 2,)) for side in (-1, 1))
+    return replace(own, low=min(low, ends[0, 0]), high=max(high, ends[0, 1]))
 
 
 def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:
