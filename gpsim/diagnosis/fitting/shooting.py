@@ -211,6 +211,8 @@ class Shooting:
         own = coordinates(point.hypothesis.parameters)
         held = np.diag(1.0 / own.prior**2)
         damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
+        dry = any(getattr(term.effect, "dry", False) for term in point.hypothesis.terms)
+        patience = PATIENCE if not len(own.parameters) else int(dry)
         for _ in range(rounds):
             slopes = self.slopes(point, own)
             if not released:
@@ -235,8 +237,10 @@ class Shooting:
             if released:
                 point, per_window = self._starts_alone(point, slopes, per_window)
             still = still + 1 if before - point.cost < tolerance else 0
-            if still > (0 if len(own.parameters) else PATIENCE):
+            if still > patience:
                 break
+            if still and dry:  # where friction lets go elsewhere the way on is another
+                damping, per_window = 1e-3, np.full(len(point.starts), 1e-6)
         return point
 
     def _moved(

@@ -125,7 +125,8 @@ def _finished(question: Question, search: Search, laws: Account) -> tuple[Questi
         question, everything=everything, held_out=replace(question.held_out, substeps=everything.substeps)
     )
     hypothesis = trimmed(told(laws), everything)
-    leader = fit(everything, hypothesis, rounds=FINISH_OF_A_ROBOT if search.dear else FINISH)
+    begun = None if search.dear else search.account.fit.starts  # all windows were fitted already
+    leader = fit(everything, hypothesis, begun, FINISH_OF_A_ROBOT if search.dear else FINISH)
     for term, declared in _curves_of(search.account, laws):
         alone = leader.hypothesis.frozen().plus(term, declared)
         leader = beside(leader, fit(everything, alone, leader.starts, WITHOUT, leader.noise), declared)

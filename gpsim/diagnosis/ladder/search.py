@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, unexplained
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, fit, unexplained
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
@@ -23,6 +23,7 @@ FIRST_LOOK, SETTLE, CLOSE, FINISH = (
     10,
 )  # rounds of a fit: among others, after a change, before a decision
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
+SETTLED = 12  # rounds of start states alone, which dry friction lets go but slowly
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
 HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
@@ -287,12 +288,13 @@ class Search:
             return False
         self.shooting, starts = Shooting(everything), np.array(everything.windows.measured[:, 0])
         self.base = self.shooting.fit(self.shooting.at(self.base.hypothesis, starts), CLOSE)
-        found = self.shooting.at(self.account.hypothesis, starts)
-        self.shooting.told_by(found.residuals)
-        self.account = Account(self.account.laws, self.shooting.fit(self.shooting.counted(found), CLOSE))
+        begun = fit(everything, self.account.hypothesis.frozen(), starts, SETTLED)
+        self.shooting.told_by(begun.residuals)
+        self.account = Account(self.account.laws, self.shooting.at(self.account.hypothesis, begun.starts))
+        self.refit(FINISH)
         self.tried.clear()
         self.tell_noise()
-        self.refit(CLOSE)
+        self.refit(FINISH)
         return True
 
     # Taking away
