@@ -213,8 +213,11 @@ class Search:
         for offer in found:
             added, hypothesis = self.account.plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
-            self.tried.append(tried)
             gain, price = self.account.fit.cost - tried.fit.cost, self.price(offer.law)
+            if gain > price / 2:
+                tried = Account(added, self.shooting.fit(tried.fit, SETTLE))
+                gain = self.account.fit.cost - tried.fit.cost
+            self.tried.append(tried)
             profiled, brought, ruler = self.profiled(tried) - before, gain, self.shooting
             if profiled > self.numbers.hidden * max(gain, self.numbers.unusual):
                 ruler = self._ruler(tried)
@@ -407,7 +410,7 @@ class Search:
                 tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, FINISH)), other)
                 self.tried.append(tried)
                 gain = now - self.score(tried)
-                if gain < self._enough_in_place(law, other) or self._strange(tried, other):
+                if gain < self._enough_in_place(law, other, tried) or self._strange(tried, other):
                     continue
                 if gain + self.later(account) - self.later(tried) > self.numbers.surely:
                     self.say(f"stands in for {law.name}", True, other.name, gain=now - self.score(tried))
@@ -440,9 +443,15 @@ class Search:
         self.account = before
         return less if self.score(less) < self.score(account) else account
 
-    def _enough_in_place(self, law: Law, other: Law) -> float:
-        """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake."""
-        return self._enough(other) if other.price > law.price else self.numbers.surely
+    def _enough_in_place(self, law: Law, other: Law, tried: Account) -> float:
+        """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake.
+
+        Or where one unusual law does what takes several usual ones.
+        """
+        if other.price <= law.price:
+            return self.numbers.surely
+        fewer = len(tried.laws) < len(self.account.laws)
+        return min(self._enough(other), self.numbers.unusual if fewer else np.inf)
 
     def _strange(self, account: Account, law: Law) -> bool:
         """Whether an unusual law has a size that no machine has."""

@@ -62,7 +62,7 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
             yield f"verdict named, and an alternative lacks {', '.join(f'{f} on {on}' for f, on in sorted(lacking))}"
     explained = diagnosis.get("explained") or {}
     share = explained.get("rollout") or {"share": 0.0, "high": None}
-    something = diagnosis["remainder"]["structured"] or explained.get("counts", True)
+    something = diagnosis.get("remainder", {}).get("structured") or explained.get("counts", True)
     if something and share["high"] is not None and share["high"] < VerdictSettings().nearly_all:
         yield "verdict named, and much less than nine tenths are explained"
     most = share["share"] if share["high"] is None else share["high"]
