@@ -14,7 +14,6 @@ from fractions import Fraction
 
 import numpy as np
 from scipy.linalg import qr
-from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtrit
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
@@ -81,11 +80,14 @@ def open_groups(
         return []
     basis = np.stack(directions).T
     basis = basis * (np.abs(basis) >= TAKES_PART * np.abs(basis).max(axis=0))
-    count, label = connected_components(np.abs(basis) @ np.abs(basis).T > 0.0, directed=False)
+    linked = (np.abs(basis) @ np.abs(basis).T > 0.0) | np.eye(len(basis), dtype=np.bool_)
+    for _ in range(len(basis)):
+        linked = linked @ linked
+    label = linked.argmax(axis=1)  # the first of those that it is linked with
     closed = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
     known = np.linalg.pinv(closed @ information @ closed, hermitian=True)
     out = []
-    for group in (np.flatnonzero(label == i) for i in range(count)):
+    for group in (np.flatnonzero(label == i) for i in np.unique(label)):
         part = basis[group][:, np.abs(basis[group]).sum(axis=0) > 0.0]
         if len(group) > part.shape[1] > 0:
             inside, loosest = known[np.ix_(group, group)], float(np.linalg.norm(widths[group], axis=1).max())

@@ -21,7 +21,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri, stdtrit
 
 from gpsim.channels import FloatArray
@@ -45,6 +44,7 @@ OPEN = 1e-13  # of the largest curvature: the windows know as much at least of a
 RUNS_OF_WINDOWS = 20  # runs of neighbouring windows whose gradients scatter, too: what drifts shows there
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 TINY = 1e-150  # guards a division, squared or not
+GRID = 4001  # places at which a mixture's distribution is worked out
 
 
 def estimates(question: Question, found: Fit, left: float) -> tuple[dict[str, Estimate], ...]:
@@ -107,12 +107,9 @@ def _mixed(own: Estimate, parts: Sequence[tuple[float, Estimate]], level: float)
         np.ptp(ends, axis=1) / (2 * ndtri(0.5 + level / 2)), 1e-12 * np.abs(middles) + TINY
     )
     far = 10.0 * deviations.max()
-
-    def beyond(x: float, share: float) -> float:
-        return float(weights @ ndtr((x - middles) / deviations) / weights.sum()) - share
-
-    bracket = middles.min() - far, middles.max() + far
-    low, high = (brentq(beyond, *bracket, args=(0.5 + side * level / 2,)) for side in (-1, 1))
+    x = np.linspace(middles.min() - far, middles.max() + far, GRID)
+    below = ndtr((x[:, None] - middles) / deviations) @ weights / weights.sum()
+    low, high = (float(np.interp(0.5 + side * level / 2, below, x)) for side in (-1, 1))
     return replace(own, low=min(low, ends[0, 0]), high=max(high, ends[0, 1]))
 
 

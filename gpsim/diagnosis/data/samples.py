@@ -58,6 +58,11 @@ ROUNDING = 1e-7  # of a channel's range: differences below are the rounding of a
 THIRD_DIFFERENCE = np.sqrt(20.0)  # standard deviation of white noise's third differences, in its own
 
 
+def integral(t: FloatArray, y: FloatArray) -> FloatArray:
+    """(K,) of y (K,) over t (K,), 0 at first, by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)])
+
+
 def rms(errors: FloatArray) -> float:
     """Root mean square of errors (N,)."""
     return float(np.sqrt(np.mean(errors**2)))

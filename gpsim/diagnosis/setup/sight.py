@@ -11,10 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from gpsim.channels import Channels, FloatArray, difference
-from gpsim.diagnosis.data import THIRD_DIFFERENCE, typical
+from gpsim.diagnosis.data import THIRD_DIFFERENCE, integral, typical
 from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Episode, Recording
@@ -205,7 +204,7 @@ def guess(name: str, episode: Episode, recording: Recording, simulator: Simulato
             return speed_of(path, episode.t, recording.noise.get(coordinate.name))
         if name == coordinate.name and coordinate.velocity in names:
             speed = episode.states[:, names.index(coordinate.velocity)]
-            return np.asarray(cumulative_trapezoid(speed, episode.t, initial=0.0))
+            return integral(episode.t, speed)
     if simulator.state.wraps[simulator.state.index(name)] and len(episode) > 0:
         return _heading(name, episode, recording, simulator)
     return np.zeros(len(episode.t))

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.diagnosis.data import integral
 from gpsim.diagnosis.setup.log_facts import stands, unread
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, Transitions, evenly
@@ -216,10 +216,7 @@ def trails(pieces: Sequence[tuple[FloatArray, FloatArray, FloatArray]]) -> int:
     no sign. It hides less of what happens over several samples.
     """
     # Way, way by the speed that was read, speed and time [s].
-    courses = [
-        np.stack([way, cumulative_trapezoid(speed, t, initial=0.0), speed, t], axis=1)
-        for way, speed, t in pieces
-    ]
+    courses = [np.stack([way, integral(t, speed), speed, t], axis=1) for way, speed, t in pieces]
     for stride in STRIDES:
         stretches = np.concatenate([np.diff(course[::stride], axis=0) for course in courses])
         way, told, change, lasting = stretches[stretches[:, 3] > 0.0].T
