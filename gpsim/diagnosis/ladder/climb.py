@@ -25,6 +25,7 @@ from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.ladder.telling import told
+from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Measured, Term, closed
 from gpsim.findings import MeasuredCurve
@@ -62,7 +63,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
         question = pushed
         search = _usual_machine(question, every)
     step("rung 1", 30, "asking what could stand in for each law")
-    search.swap()
+    swap(search)
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
     search.eliminate()
@@ -73,7 +74,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     search.eliminate()
     _finer(search)
-    search.swap()
+    swap(search)
     search.require()
     search.judge_held_out()
     step("rung 2", 65, "asking each recording")

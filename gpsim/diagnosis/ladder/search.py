@@ -26,8 +26,6 @@ LOOSE = 8.0  # nats that a batch of laws may cost together and still go without 
 SETTLED = 12  # rounds of start states alone, which dry friction lets go but slowly
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 PROBED = 3  # laws that are fitted of those that promise most
-HOPELESS = 40.0  # nats behind, from which a swap is not fitted to its end
-MISLED = 0.6  # of what a law is worth, by which lines may be wrong of another one in its place
 
 
 class Search:
@@ -223,9 +221,9 @@ class Search:
                 ruler = self._ruler(tried)
                 had, has = (ruler.costs(a.fit.residuals).sum() for a in (self.account, tried))
                 brought = float(had - has)
-            enough = brought - min(price, brought / 2) >= self._enough(offer.law, ruler)
+            enough = brought - min(price, brought / 2) >= self.enough(offer.law, ruler)
             worth = max(gain, profiled) - price
-            if worth > most_worth and enough and not self._strange(tried, offer.law):
+            if worth > most_worth and enough and not self.strange(tried, offer.law):
                 best, most_worth = tried, worth
         if best is None:
             return False
@@ -250,7 +248,7 @@ class Search:
         other.told_by(account.fit.residuals)
         return other
 
-    def _enough(self, law: Law, by: Shooting | None = None) -> float:
+    def enough(self, law: Law, by: Shooting | None = None) -> float:
         """Nats beyond its price that a law must bring: a part of what is left, and more of it where it is unusual."""
         by = by or self.shooting
         left = unexplained(by.problem, replace(self.account.fit, noise=by.noise))
@@ -315,7 +313,7 @@ class Search:
             count = max(int((foretold <= limit).sum()), 1)
             batch = [less.index for less in gone[:count]]
             paid = sum(self.price(account.laws[i]) for i in batch)
-            rest = self.without(batch, placed(account.hypothesis, gone[count - 1].z), 3)
+            rest = self.without(account, batch, placed(account.hypothesis, gone[count - 1].z), 3)
             if rest.fit.cost - account.fit.cost > paid:
                 rest = Account(rest.laws, self.shooting.fit(rest.fit, SETTLE))
             rise = rest.fit.cost - account.fit.cost
@@ -331,11 +329,11 @@ class Search:
             self.tried.append(rest)
             self.account = rest
 
-    def without(self, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
-        """The account without some laws, from where the quadratic says the others are, or from where they were."""
-        laws, plain = self.account.without(gone)
+    def without(self, account: Account, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
+        """An account without some laws, from where the quadratic says the others are, or from where they were."""
+        laws, plain = account.without(gone)
         foretold = adapted.without_all(gone)
-        starts = self.account.fit.starts
+        starts = account.fit.starts
         points = [self.shooting.at(h, starts) for h in (foretold, plain)]
         best = min(points, key=lambda p: p.cost)
         return Account(laws, self.shooting.fit(best, rounds))
@@ -349,7 +347,8 @@ class Search:
                 if law.free:
                     continue
                 adapted = placed(self.account.hypothesis, around.without([i]))
-                less[law.key] = self.without([i], adapted, FIRST_LOOK if around.cost(i) > 150.0 else CLOSE)
+                rounds = FIRST_LOOK if around.cost(i) > 150.0 else CLOSE
+                less[law.key] = self.without(self.account, [i], adapted, rounds)
                 behind = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
                 if behind < 0 and (worst is None or behind < worst[0]):
                     worst = behind, law
@@ -360,100 +359,7 @@ class Search:
             self.account = less[worst[1].key]
             self.refit(FIRST_LOOK)
 
-    # Twins
-
-    def swap(self, rounds: int = 6) -> None:
-        """Each law's nearest substitutes in its place, fitted; the account moves while one is better.
-
-        Not where every fit is of a whole robot: its regression has compared what may stand in for what.
-        """
-        if self.dear:
-            return
-        done = set[tuple[object, ...]]()
-        for _ in range(rounds):
-            less = self.drop_each()
-            if not self._swapped(less, done):
-                return
-
-    def _swapped(self, less: Mapping[Key, Account], done: set[tuple[object, ...]]) -> bool:
-        account, now = self.account, self.score(self.account)
-        names = tuple(sorted(law.key for law in account.laws))
-        offers, rows = Offers(self.shooting, account.fit), account.rows
-        order = sorted(
-            range(len(rows)),
-            key=lambda i: less[account.laws[i].key].fit.cost if account.laws[i].key in less else 0.0,
-        )
-        for index in order:
-            law = account.laws[index]
-            if law.key not in less:
-                continue
-            part = less[law.key]
-            absent = [o for o in self.laws if not account.holds(o) and (law.key, o.key, names) not in done]
-            missed = self.score(part) - now
-            offered = offers.in_place(absent, law, rows[index], part.fit)
-            misled = max(HOPELESS, MISLED * missed)
-            near = [o for o in offered if o.gain - self.price(o.law) > missed - misled]
-            near = sorted(near, key=lambda o: self.price(o.law) - o.gain)[:PROBED]
-            gauges = {o.key for o in absent if law.is_ratio and o.is_ratio and o.key in self.gauges}
-            near += [o for o in offered if o.law.key in gauges and o not in near]
-            for offer in near:
-                other, starts = offer.law, part.fit.starts
-                done.add((law.key, other.key, names))
-                laws, hypothesis = part.plus(other, offer.values)
-                if other.key in gauges:  # a mass and a motor's gain, all forces free: as much the other way
-                    (ratio,) = account.hypothesis.terms[index].values.values()
-                    laws, hypothesis = self._in_gauge(index, other, ratio)
-                    starts = account.fit.starts
-                tried = self.fitted(laws, hypothesis, starts, FIRST_LOOK)
-                if self.score(tried) > now + max(HOPELESS, 0.5 * MISLED * missed):
-                    continue
-                tried = self._leaner(Account(laws, self.shooting.fit(tried.fit, FINISH)), other)
-                self.tried.append(tried)
-                gain = now - self.score(tried)
-                if gain < self._enough_in_place(law, other, tried) or self._strange(tried, other):
-                    continue
-                if gain + self.later(account) - self.later(tried) > self.numbers.surely:
-                    self.say(f"stands in for {law.name}", True, other.name, gain=now - self.score(tried))
-                    self.account = tried
-                    return True
-        return False
-
-    def _in_gauge(self, index: int, other: Law, ratio: float) -> tuple[tuple[Law, ...], Hypothesis]:
-        """The account with a ratio in another one's place, which is as much the other way, as all forces are then."""
-        laws, hypothesis = self.account.without([index])
-        terms = []
-        for term, declared in zip(hypothesis.terms, hypothesis.declared, strict=True):
-            size = declared[0].name if term.effect.site == "force" and declared[0].unit != "1" else None
-            values = {name: value / ratio if name == size else value for name, value in term.values.items()}
-            terms.append(replace(term, values=values))
-        scaled = replace(hypothesis, terms=tuple(terms)).plus(
-            other.term([1.0 / ratio]), other.candidate.declared
-        )
-        return (*laws, other), scaled
-
-    def _leaner(self, account: Account, kept: Law) -> Account:
-        """An account without what no longer pays beside a law."""
-        prices = [self.price(law) for law in account.laws]
-        held = [law.key == kept.key or law.free for law in account.laws]
-        gone = Quadratic(account).taken_away(prices, held)
-        if not gone:
-            return account
-        before, self.account = self.account, account
-        less = self.without([g.index for g in gone], placed(account.hypothesis, gone[-1].z), CLOSE)
-        self.account = before
-        return less if self.score(less) < self.score(account) else account
-
-    def _enough_in_place(self, law: Law, other: Law, tried: Account) -> float:
-        """Nats by which a law must be better in another's place: usual ones stand until a good part is at stake.
-
-        Or where one unusual law does what takes several usual ones.
-        """
-        if other.price <= law.price:
-            return self.numbers.surely
-        fewer = len(tried.laws) < len(self.account.laws)
-        return min(self._enough(other), self.numbers.unusual if fewer else np.inf)
-
-    def _strange(self, account: Account, law: Law) -> bool:
+    def strange(self, account: Account, law: Law) -> bool:
         """Whether an unusual law has a size that no machine has."""
         if law.usual or law.free:
             return False
@@ -484,7 +390,7 @@ class Search:
     def why_not(self, account: Account) -> str:
         """Why an account that explains more does not lead."""
         names = [law.name for law in account.laws if not self.account.holds(law)]
-        strange = [law.name for law in account.laws if self._strange(account, law)]
+        strange = [law.name for law in account.laws if self.strange(account, law)]
         unusual = [law.name for law in account.laws if not law.usual and not self.account.holds(law)]
         if strange:
             return f"no machine has {strange[0]} of that size"
