@@ -63,7 +63,7 @@ def doubts_of(
         yield "left"
     if any(forms[i] == "approximate" for i in claims):
         yield "form"
-    much_left = _at_most(attribution.share) < 1 - numbers.little
+    much_left = _at_most(attribution.share) < 1 - numbers.headline
     if box is not None and _at_least(box.takes_off) > numbers.black_box and much_left:
         yield "black box"
     if any(estimate.at_bound for i in claims for estimate in sizes[i].values()):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -24,29 +25,46 @@ PLACES = 8  # parts of a coordinate's way, in runs of which a law may act alone
 EARLIEST, LATEST = 0.12, 0.88  # quantiles of time between which something may begin
 MOVES = (0.5, 0.25, 0.12, 0.06)  # of the distance between two places, by which an edge is moved
 PROBED = 3  # gates that are fitted of those that promise most
+LEAST = 0.1  # nats that a move of an edge gains, or it is the last
 
 
 def gated(search: Search) -> None:
-    """The account with one law behind a gate, where that takes off half of what is left."""
-    if search.dear or search.left() <= search.numbers.gate:
+    """The account with one law behind a gate: where that takes off half of what is left, or in an unusual law's place.
+
+    A battery that sags, or a force that ripples, may be what began at some moment, or acts in some place.
+    """
+    if search.dear:
         return
-    before, now = search.account, search.score(search.account)
-    least = max(search.numbers.gate, search.numbers.share_of_gate * search.left())
-    found = sorted(_promises(search), key=lambda f: -f[0])[:PROBED]
-    best: Account | None = None
-    for gain, law, values in found:
-        if gain < 0.5 * least:
-            continue
-        tried = _with_edges(search, _tried(search, before, law, values))
-        if best is None or search.score(tried) < search.score(best):
-            best = tried
-    if best is None or search.score(best) > now - least:
+    whole, now = search.account, search.score(search.account)
+    found: list[Account] = []
+    if search.left() > search.numbers.gate:
+        least = max(search.numbers.gate, search.numbers.share_of_gate * search.left())
+        found += _behind_gates(search, least, now - least)
+    for i, law in enumerate(whole.laws):
+        if law.price >= search.numbers.unusual:
+            plain = whole.hypothesis
+            search.account = search.without(whole, [i], plain, SETTLE)
+            found += _behind_gates(search, search.score(search.account) - now, now - search.numbers.surely)
+            search.account = whole
+    if not found:
         return
-    search.account = best
-    search.say("acts behind a gate", True, best.hypothesis.names[-1], gain=now - search.score(best))
+    search.account = min(found, key=search.score)
+    gain = now - search.score(search.account)
+    search.say("acts behind a gate", True, search.account.hypothesis.names[-1], gain=gain)
     search.tell_noise()
     search.refit(SETTLE)
     search.eliminate()
+
+
+def _behind_gates(search: Search, hoped: float, most: float) -> list[Account]:
+    """Accounts with a law behind a gate that cost no more than `most`, of those that promise half of what is hoped."""
+    promised = sorted(_promises(search), key=lambda f: -f[0])[:PROBED]
+    tried = [
+        _with_edges(search, _tried(search, search.account, law, values))
+        for gain, law, values in promised
+        if gain > 0.5 * hoped
+    ]
+    return [account for account in tried if search.score(account) <= most]
 
 
 def _tried(search: Search, account: Account, law: Law, values: Sequence[float]) -> Account:
@@ -64,13 +82,15 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
     for law in search.laws:
         effect = effect_of(law.candidate.family)
         stands = [i for i, own in enumerate(account.laws) if own.key == law.key]
-        if not effect.gated or effect.drifts or law.candidate.variant or not (stands or law.has_slope):
+        told = bool(stands) or law.has_slope or law.grows
+        if not effect.gated or effect.drifts or law.candidate.variant or not told:
             continue
         terms = [account.hypothesis.terms[i] for i in stands]
         standing = [t.values[p.name] for t in terms for p in law.candidate.declared]
         # A law that stands may be right in a part alone, with another size: beside itself it tells which.
-        _, beside = account.without([] if law.has_slope else stands)
-        step, values = nudged(law) if law.has_slope else (1.0, standing)
+        alone = law.has_slope or not stands
+        _, beside = account.without([] if alone else stands)
+        step, values = (1.0, [*standing] if stands else [*law.starts[0]]) if law.starts else nudged(law)
         own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
         for gate in _gates(shooting.problem, law):
             owned = _priced(search, law, gate)
@@ -78,7 +98,7 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
             left = shooting.residuals(hypothesis, hypothesis.theta[None], account.fit.starts[None])[0]
             white = np.nan_to_num(left * shooting.noise.whitening).reshape(len(account.fit.starts), -1)
             price = search.price(owned) - paid
-            if not law.has_slope:
+            if not alone:
                 yield lines.gain(white) - price, owned, values
                 continue
             gain, size = lines.along((lines.slopes.r - white) / ((values[0] - own.none) or step))
@@ -126,15 +146,12 @@ def _with_edges(search: Search, account: Account) -> Account:
         column = problem.simulator.state.names.index(on)
         width = float(np.ptp(problem.windows.measured[problem.windows.valid][:, column])) / PLACES
     for share in MOVES:
-        for edge in (0, 1):
-            for sign in (-1.0, 1.0):
-                moved = _moved(account.laws[-1].gate, edge, sign * share * width)
-                if moved is None:
-                    continue
-                tried = _behind(search, account, moved)
-                if tried.fit.cost < account.fit.cost - 0.01:
-                    account = tried
+        for edge, sign in product((0, 1), (-1.0, 1.0)):
+            while (gate := _moved(account.laws[-1].gate, edge, sign * share * width)) is not None:
+                tried = _behind(search, account, gate)
+                if tried.fit.cost > account.fit.cost - LEAST:
                     break
+                account = tried
     return account
 
 

@@ -15,6 +15,7 @@ from gpsim.effects import (
     RISE,
     ActuatorEffect,
     DriveEffect,
+    ForceEffect,
     Gate,
     SensorEffect,
     Term,
@@ -89,7 +90,6 @@ SCANS: Mapping[str, tuple[float, ...]] = {
     "actuator_dead_band": (0.03, 0.08, 0.15, 0.25),
     "actuator_saturation": (0.95, 0.85, 0.75, 0.65, 0.5, 0.4, 0.3),
     "actuator_backlash": (0.03, 0.06, 0.1, 0.2, 0.3),
-    "spring": (0.1, 0.3, 1.0),
     "actuator_rate_limit": (0.8, 0.6, 0.45, 0.33, 0.2, 0.12, 0.07, 0.04),
 }
 """Family -> where a first parameter that has no slope at nothing is looked for: in steps, or of what was commanded."""
@@ -130,6 +130,12 @@ class Law:
     def dry(self) -> bool:
         """Whether it is dry friction and one number, so that it chatters in coarse steps."""
         return self.candidate.family == "coulomb_friction" and len(self.candidate.declared) == 1
+
+    @property
+    def grows(self) -> bool:
+        """Whether it grows with its first parameter as on a line, once the others say where and how: a spring does."""
+        first, effect = self.candidate.declared[0], effect_of(self.candidate.family)
+        return isinstance(effect, ForceEffect) and first.none == 0.0 and not (first.place or first.falls)
 
     @property
     def is_ratio(self) -> bool:
@@ -206,8 +212,6 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
     factors = SCANS.get(candidate.family)
     if factors:
         unit = candidate.place.dt if first.unit == "s" else candidate.place.span
-        if candidate.family == "spring":
-            unit = candidate.place.span / candidate.place.reach
         if candidate.family == "actuator_rate_limit":
             unit = candidate.place.span / candidate.place.dt
         values = [f * unit for f in factors if first.low < f * unit < first.high]

@@ -92,9 +92,16 @@ class Offers:
         return Offer(gain, law, tuple(own.natural(z).tolist()))
 
     def _jumping(self, law: Law, r: FloatArray, lines: Lines, changes: FloatArray) -> Offer:
-        gains = [lines.gain(r + changes[:, :, k]) for k in range(changes.shape[2])]
-        best = int(np.argmax(gains))
-        return Offer(gains[best], law, tuple(law.starts[best]))
+        promised = []
+        first = law.candidate.declared[0]
+        for k, start in enumerate(law.starts):
+            promised.append((lines.gain(r + changes[:, :, k]), start))
+            if law.grows:
+                gain, times = lines.along(-changes[:, :, k])
+                if first.low <= times * start[0] <= first.high:
+                    promised.append((gain, (times * start[0], *start[1:])))
+        gain, values = max(promised, key=lambda p: p[0])
+        return Offer(gain, law, values)
 
 
 RAN_AWAY = 1e6  # standard deviations: a simulation that is no number

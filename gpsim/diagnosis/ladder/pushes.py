@@ -40,7 +40,7 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     far &= squares.sum(axis=1) > numbers.unexplained * base
     if not _few_that_rule(costs, far, numbers):
         return None
-    far &= _inside_the_way(problem, squares.argmax(axis=1)) & _met_elsewhere(problem, far)
+    far &= _met_elsewhere(problem, far)
     if not _few_that_rule(costs, far, numbers):
         return None
     spans = [
@@ -74,21 +74,6 @@ def _few_that_rule(costs: FloatArray, which: BoolArray, numbers: PushSettings) -
     """Whether some windows, and few of them, cost most of what all cost."""
     few = 0 < int(which.sum()) <= max(numbers.most * len(costs), 1.0)
     return few and float(costs[which].sum()) >= numbers.rules * float(costs.sum())
-
-
-def _inside_the_way(problem: Problem, when: FloatArray) -> BoolArray:
-    """(W,) whether that sample lies off both ends of the way of every coordinate, where stops are."""
-    state = problem.simulator.state
-    names = [c.name for c in problem.simulator.coordinates]
-    columns = [i for i, c in enumerate(state) if c.name in names and not c.wraps]
-    if not columns:
-        return np.ones(len(problem.windows), dtype=np.bool_)
-    x = problem.windows.measured[..., columns]
-    rows = x.reshape(-1, len(columns))
-    low, high = rows.min(axis=0), rows.max(axis=0)
-    margin = problem.run.settings.pushes.end * (high - low)
-    moment = x[np.arange(len(x)), when]
-    return np.asarray(((moment > low + margin) & (moment < high - margin)).all(axis=1))
 
 
 def _met_elsewhere(problem: Problem, far: BoolArray) -> BoolArray:

@@ -76,10 +76,6 @@ class LawSettings:
         "nats",
         "by which another account, or the base's own step, must be better to take the account's place",
     )
-    hidden: float = setting(
-        10.0, "1", "times what a law gains, that it gains by the noise it leaves: then that one judges it",
-        "a mismatch that is large makes its own noise",
-    )  # fmt: skip
     robot_leaves: float = setting(
         0.2,
         "1",
@@ -114,7 +110,6 @@ class PushSettings:
         "1",
         "quantile of how far samples lie from those of other windows: nearer ones were met elsewhere",
     )
-    end: float = setting(0.1, "1", "of a coordinate's way, that counts as its end, where stops are")
 
 
 @dataclass(frozen=True)
@@ -184,7 +179,6 @@ class VerdictSettings:
     black_box: float = setting(
         0.25, "1", "of the account's error, that a model without names takes off: partial"
     )
-    little: float = setting(0.05, "1", "of the mismatch: where less is left, no black box counts")
     implausible: float = setting(2.0, "1", "times beyond usual sizes: a headline so far out is not named")
 
 

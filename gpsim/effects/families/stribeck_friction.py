@@ -48,7 +48,14 @@ class StribeckFriction(ForceEffect):
         if variant == RISE:  # what grows at lower speeds still nobody sees: bodies stick there
             return (
                 EffectParameter(RISE, place.unit, 0.0, 20 * span, (0.1 * span,), 0.1 * span),
-                EffectParameter("stribeck_velocity", unit, 0.05 * speed, speed, (0.1 * speed,), 0.2 * speed),
+                EffectParameter(
+                    "stribeck_velocity",
+                    unit,
+                    0.05 * speed,
+                    speed,
+                    (0.1 * speed, 0.25 * speed, 0.5 * speed),
+                    0.2 * speed,
+                ),
             )
         return (
             EffectParameter("force", place.unit, 0.0, 20 * span, (0.15 * span,), 0.2 * span),

@@ -68,7 +68,7 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     most = share["share"] if share["high"] is None else share["high"]
     taken = (diagnosis["fit"].get("black_box") or {"takes_off": {"share": 0.0}})["takes_off"]
     least = taken["share"] if taken.get("low") is None else taken["low"]
-    if least > VerdictSettings().black_box and most < 1 - VerdictSettings().little:
+    if least > VerdictSettings().black_box and most < 1 - VerdictSettings().headline:
         yield "verdict named, and a black box takes more than a quarter off the error"
 
 
