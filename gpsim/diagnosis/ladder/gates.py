@@ -147,8 +147,8 @@ def _with_edges(search: Search, account: Account) -> Account:
         width = float(np.ptp(problem.windows.measured[problem.windows.valid][:, column])) / PLACES
     for share in MOVES:
         for edge, sign in product((0, 1), (-1.0, 1.0)):
-            while (gate := _moved(account.laws[-1].gate, edge, sign * share * width)) is not None:
-                tried = _behind(search, account, gate)
+            while (moved := _moved(account.laws[-1].gate, edge, sign * share * width)) is not None:
+                tried = _behind(search, account, moved)
                 if tried.fit.cost > account.fit.cost - LEAST:
                     break
                 account = tried

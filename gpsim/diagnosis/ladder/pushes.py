@@ -37,7 +37,8 @@ def without_pushes(question: Question, search: Search) -> Question | None:
     numbers = problem.run.settings.pushes
     far = costs > numbers.times * np.median(costs)
     base = ((search.base.residuals * plain) ** 2).sum(axis=2).sum(axis=1)
-    far &= squares.sum(axis=1) > numbers.unexplained * base
+    unexplained = 1.0 - search.verdict.nearly_all  # else laws are right about it, and it is large
+    far &= squares.sum(axis=1) > unexplained * base
     if not _few_that_rule(costs, far, numbers):
         return None
     far &= _met_elsewhere(problem, far)

@@ -216,8 +216,13 @@ class Search:
                 tried = Account(added, self.shooting.fit(tried.fit, SETTLE))
                 gain = self.account.fit.cost - tried.fit.cost
             self.tried.append(tried)
-            worth = max(gain, self.profiled(tried) - before) - price
-            enough = gain - min(price, gain / 2) >= self.enough(offer.law)
+            profiled, ruler = self.profiled(tried) - before, self.shooting
+            worth, brought = max(gain, profiled) - price, gain
+            if profiled > self.numbers.hidden * max(gain, self.numbers.unusual):
+                ruler = self._ruler(tried)
+                had, has = (ruler.costs(a.fit.residuals).sum() for a in (self.account, tried))
+                brought = float(had - has)
+            enough = brought - min(price, brought / 2) >= self.enough(offer.law, ruler)
             if worth > most_worth and enough and not self.strange(tried, offer.law):
                 best, most_worth = tried, worth
         if best is None:
@@ -232,20 +237,26 @@ class Search:
 
     def profiled(self, account: Account) -> float:
         """Nats that an account gains with the noise profiled out: with as many samples as its own residual has."""
-        ruler = Shooting(self.shooting.problem)
-        ruler.told_by(account.fit.residuals)
-        now, other = self.shooting.noise, ruler.noise
+        now, other = self.shooting.noise, self._ruler(account).noise
         counts = (now.weights > 0).sum(axis=(0, 1)) / other.times
         gains = counts * np.log(now.white / other.white)
         return float(gains[self.shooting.problem.observed].sum())
 
-    def enough(self, law: Law) -> float:
+    def _ruler(self, account: Account) -> Shooting:
+        """The same windows under the noise that an account leaves."""
+        other = Shooting(self.shooting.problem)
+        other.told_by(account.fit.residuals)
+        return other
+
+    def enough(self, law: Law, by: Shooting | None = None) -> float:
         """Nats beyond its price that a law must bring: a part of what is left, and more of it where it is unusual."""
-        left = self.left()
+        by = by or self.shooting
+        left = unexplained(by.problem, replace(self.account.fit, noise=by.noise))
         if law.price < self.numbers.unusual:
             share = self.numbers.share if law.usual else self.numbers.share_of_drag
             return max(1.0, share * left)
-        least = min(self.numbers.material * self.missing(), self.numbers.nearly_all * left)
+        missing = float(by.costs(self.base.residuals).sum())
+        least = min(self.numbers.material * missing, self.numbers.nearly_all * left)
         return max(1.0, self.numbers.share_of_unusual * left, least)
 
     def channel(self, column: int) -> str:

@@ -76,6 +76,10 @@ class LawSettings:
         "nats",
         "by which another account, or the base's own step, must be better to take the account's place",
     )
+    hidden: float = setting(
+        10.0, "1", "times what a law gains, that it gains by the noise it leaves: then that one judges it",
+        "a mismatch that is large makes its own noise",
+    )  # fmt: skip
     robot_leaves: float = setting(
         0.2,
         "1",
@@ -98,12 +102,6 @@ class PushSettings:
     most: float = setting(0.03, "1", "of all windows, at most", "where more are missed it is no accident")
     rules: float = setting(
         0.5, "1", "of what all windows cost, that they cost together", "others rule no fit"
-    )
-    unexplained: float = setting(
-        0.1,
-        "1",
-        "of what the base misses of it, that laws leave",
-        "laws that explain nine tenths are right about it",
     )
     elsewhere: float = setting(
         0.99,
