@@ -32,14 +32,26 @@ def steps(settings: Settings) -> Iterator[tuple[str, Any]]:
         yield f.name, getattr(settings, f.name)
 
 
+DECIDE = ("log_facts", "laws", "pushes", "curves", "verdict", "intervals")
+EFFORT = ("angles", "most", "knots", "rivals")  # of these, what is no threshold
+
+
+def _count(settings: Settings) -> int:
+    """How many numbers decide."""
+    named = [(step, name) for step in DECIDE for name, *_ in described(getattr(settings, step))]
+    return sum(name not in EFFORT or step == "pushes" for step, name in named)
+
+
 def as_page(settings: Settings) -> str:
     """docs/reference/settings.md."""
     lines = [
         "# Settings of the diagnosis",
         "",
         "Made by `python docs/generate.py` from `gpsim/diagnosis/settings`; a test holds it current. Any of them",
-        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.laws.unusual=12`. Other thresholds are",
-        "constants, each with its reason beside the code that it decides in.",
+        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.laws.unusual=12`.",
+        "",
+        f"What is told is decided by {', '.join(f'`{name}`' for name in DECIDE)}: {_count(settings)} numbers. The",
+        "others say how much is computed. Constants beside the code are tolerances, starts of fits and efforts.",
         "",
     ]
     for name, step in steps(settings):

@@ -159,4 +159,4 @@ def test_an_effect_decides_where_far_more_is_left_without_it_than_with_it_and_th
     of = mismatch(np.full((10, 1), 100.0), np.ones((10, 1)))
     squares, without = np.full((10, 1), 2.0), np.full((10, 1), 2.0)
     without[:3], squares[3:5], without[3:5] = 50.0, 0.1, 1.5
-    assert _deciding(of, squares, without) == 3
+    assert _deciding(of, squares, without, SETTINGS) == 3

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.judging import Tried, beats_the_base, claimed, doubts_of, verdict_of
+from gpsim.diagnosis.judging import Tried, claimed, doubts_of, verdict_of
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 from gpsim.effects import EffectParameter, Term
-from gpsim.findings import BlackBox, Estimate, Explained, Ratio, Share, StepErrors
+from gpsim.findings import BlackBox, Estimate, Explained, Share
 
 GAIN = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
 
@@ -197,23 +197,6 @@ def test_odds_below_three_to_one_are_never_named(nats, right):
     own = Tried(hypothesis(("a",)), 0.0)
     rival = Tried(hypothesis(("b",)), nats)
     assert verdict(judgement(ranking=(own, rival)), NEARLY_ALL) == right
-
-
-def step(after, ratio, floor=0.01):
-    return StepErrors(before=1.0, after=after, noise_floor=floor, unit="m/s^2", after_over_before=ratio)
-
-
-@pytest.mark.parametrize(
-    ("share", "errors", "told"),
-    [
-        (Share(0.9, 0.8, 0.95), step(0.1, Ratio(0.1, 0.08, 0.12)), True),
-        (Share(0.3, 0.2, 0.4), step(2.02, Ratio(2.02, 1.8, 2.2)), False),  # every name was wrong
-        (Share(0.3, 0.2, 0.4), step(1.25, Ratio(1.25, 1.1, 1.4)), True),  # perhaps not worse
-        (Share(0.0), step(0.9, None), False),
-    ],
-)
-def test_an_account_that_does_not_beat_the_base_is_not_told(share, errors, told):
-    assert beats_the_base(attribution(share), [errors]) is told
 
 
 @pytest.mark.parametrize(

@@ -80,9 +80,9 @@ def doubts_of(
 
 
 def forms_of(
-    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]], tenth: float
+    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]], nearly_all: float
 ) -> tuple[Form, ...]:
-    """Whether laws hold: where a curve of their own input was asked for, and holds less than a `tenth` beside them.
+    """Whether laws hold: where a curve of their own input was asked for, and takes no more than `nearly_all` leaves.
 
     asked: place and input of every curve that was.
     """
@@ -94,7 +94,9 @@ def forms_of(
             for other, share in zip(terms, attribution.importance, strict=True)
             if isinstance(other.effect, Measured) and other.on == term.on and term is not other
         ]
-        out.append("untested" if here not in asked else "approximate" if sum(beside) > tenth else "holds")
+        out.append(
+            "untested" if here not in asked else "approximate" if sum(beside) > 1.0 - nearly_all else "holds"
+        )
     return tuple(out)
 
 
@@ -122,7 +124,7 @@ def verdict_of(
         return "unknown"
     if (
         any(doubt != "odds" for doubt in doubts)
-        or curves_hold(judgement, attribution) > settings.curves.tenth
+        or curves_hold(judgement, attribution) > 1.0 - numbers.nearly_all
     ):
         return "partial"
     return "ambiguous" if doubts or _contested(judgement, attribution, numbers.odds) else "named"

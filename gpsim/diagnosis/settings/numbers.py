@@ -123,7 +123,6 @@ class CurveSettings:
         "less no rollout shows",
     )
     takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
-    tenth: float = setting(0.1, "1", "of the mismatch, from which on a curve makes an account partial")
 
 
 @dataclass(frozen=True)
