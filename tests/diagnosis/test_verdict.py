@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
@@ -99,7 +100,7 @@ def test_a_size_that_no_machine_has_is_not_named():
     usual = replace(hypothesis(("a",)), declared=((replace(GAIN, plausible=(0.5, 2.0)),),))
     for gain, right in ((0.8, "named"), (0.3, "named"), (0.2, "partial"), (-0.8, "partial")):
         judged = judgement()
-        judged.leader.hypothesis = usual.having([gain])
+        judged.leader.hypothesis = usual.having(np.array([gain]))
         assert verdict(judged, worth) == right, gain
 
 

@@ -211,7 +211,7 @@ class Shooting:
         own = coordinates(point.hypothesis.parameters)
         held = np.diag(1.0 / own.prior**2)
         damping, per_window, still = 1e-3, np.full(len(point.starts), 1e-6), 0
-        dry = any(getattr(term.effect, "dry", False) for term in point.hypothesis.terms)
+        dry = released and any(getattr(t.effect, "dry", False) for t in point.hypothesis.terms)
         patience = PATIENCE if not len(own.parameters) else int(dry)
         for _ in range(rounds):
             slopes = self.slopes(point, own)

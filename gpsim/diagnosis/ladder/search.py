@@ -25,6 +25,7 @@ FIRST_LOOK, SETTLE, CLOSE, FINISH = (
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
 SETTLED = 12  # rounds of start states alone, which dry friction lets go but slowly
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
+CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -154,7 +155,7 @@ class Search:
         other_steps = replace(before.hypothesis, scheme=scheme)
         stepped = [self.fitted(before.laws, other_steps, before.fit.starts, SETTLE)]
         dry = [law for law in self.laws if law.usual and law.dry and scheme == own]
-        stepped += [self._chattering(law, v, scheme) for law in dry for v in law.candidate.declared[0].starts]
+        stepped += [account for law in dry for account in self._chattering(law, scheme)]
         for other in stepped:
             gain = max(
                 self.needed(self.account) - self.needed(other),
@@ -171,12 +172,24 @@ class Search:
             if dry and len(self.account.laws) == 1:
                 self._probe([law for law in self.laws if law.usual])
 
-    def _chattering(self, law: Law, size: float, scheme: Scheme) -> Account:
-        """Dry friction alone, from start states as measured: where it chatters, these and other laws hide it."""
-        hypothesis = Hypothesis(scheme=scheme).plus(law.term([size]), law.candidate.declared)
-        starts = np.array(self.shooting.problem.windows.measured[:, 0])
-        point = self.shooting.fit(self.shooting.at(hypothesis, starts), CHATTERING, released=False)
-        return Account((law,), self.shooting.fit(point, SETTLE))
+    def _chattering(self, law: Law, scheme: Scheme) -> list[Account]:
+        """Dry friction alone, from start states as measured: where it chatters, these and other laws hide it.
+
+        Its valleys are narrow and many: sizes are scanned, and fitted from the best.
+        """
+        first = law.candidate.declared[0]
+        hypothesis = Hypothesis(scheme=scheme).plus(law.term([first.starts[0]]), law.candidate.declared)
+        starts, sizes = np.array(self.shooting.problem.windows.measured[:, 0]), CHATTERS * first.starts[0]
+        left = self.shooting.residuals(hypothesis, sizes[:, None], np.tile(starts, (len(sizes), 1, 1)))
+        out = []
+        for k in np.argsort(self.shooting.costs(left).sum(axis=1))[:PROBED]:
+            point = self.shooting.at(hypothesis.having(sizes[k : k + 1]), starts)
+            point = self.shooting.fit(point, CHATTERING, released=False)
+            found = Account((law,), self.shooting.fit(point, SETTLE))
+            own = self._ruler(found)  # what is exact shows under the noise that it leaves
+            found = Account((law,), own.fit(own.counted(found.fit), SETTLE))
+            out.append(Account((law,), self.shooting.counted(found.fit)))
+        return out
 
     def needed(self, account: Account) -> float:
         """What an account would cost once what does not pay is taken away, by the quadratic [nats]."""
