@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, pairwise, product
 
 import numpy as np
 
@@ -25,6 +25,7 @@ PLACES = 8  # parts of a coordinate's way, in runs of which a law may act alone
 EARLIEST, LATEST = 0.12, 0.88  # quantiles of time between which something may begin
 MOVES = (0.5, 0.25, 0.12, 0.06)  # of the distance between two places, by which an edge is moved
 PROBED = 3  # gates that are fitted of those that promise most
+BEYOND = 1e6  # where no coordinate goes: an edge there is none
 LEAST = 0.1  # nats that a move of an edge gains, or it is the last
 
 
@@ -77,8 +78,8 @@ def _tried(search: Search, account: Account, law: Law, values: Sequence[float]) 
 
 def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
     """Gain by lines of every law behind every gate that is scanned, with the values to start from."""
-    account, shooting = search.account, search.shooting
-    lines = Lines(shooting.slopes(account.fit), account.fit)
+    account = search.account
+    lines = Lines(search.shooting.slopes(account.fit), account.fit)
     for law in search.laws:
         effect = effect_of(law.candidate.family)
         stands = [i for i, own in enumerate(account.laws) if own.key == law.key]
@@ -92,19 +93,56 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
         _, beside = account.without([] if alone else stands)
         step, values = (1.0, [*standing] if stands else [*law.starts[0]]) if law.starts else nudged(law)
         own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
-        for gate in _gates(shooting.problem, law):
+        before = lines.slopes.r if alone else _white(search, beside)
+        for gate, change in _changes(search, law, beside, values, before):
             owned = _priced(search, law, gate)
-            hypothesis = beside.plus(replace(law.term(values), gate=gate), law.candidate.declared)
-            left = shooting.residuals(hypothesis, hypothesis.theta[None], account.fit.starts[None])[0]
-            white = np.nan_to_num(left * shooting.noise.whitening).reshape(len(account.fit.starts), -1)
             price = search.price(owned) - paid
             if not alone:
-                yield lines.gain(white) - price, owned, values
+                yield lines.gain(before + change) - price, owned, values
                 continue
-            gain, size = lines.along((lines.slopes.r - white) / ((values[0] - own.none) or step))
+            gain, size = lines.along(-change / ((values[0] - own.none) or step))
             first = size + (standing[0] if stands else own.none)
             if own.low <= first <= own.high:
                 yield gain - price, owned, [first, *values[1:]]
+
+
+def _changes(
+    search: Search, law: Law, beside: Hypothesis, values: Sequence[float], before: FloatArray
+) -> Iterator[tuple[Gate, FloatArray]]:
+    """What a law behind a gate changes in the residual (W, M) of an account `beside` it.
+
+    Since a moment: in the windows after it. In runs of places: the sum of what it changes in each of them alone.
+    """
+    windows, names = search.shooting.problem.windows, search.shooting.problem.simulator.state.names
+
+    def behind(gate: Gate) -> FloatArray:
+        law_behind = replace(law.term(values), gate=gate)
+        return _white(search, beside.plus(law_behind, law.candidate.declared)) - before
+
+    whole = behind(Gate())
+    if windows.own_clocks:
+        for e in np.unique(windows.episode)[1:]:
+            yield Gate(since_episode=int(e)), np.where((windows.episode >= e)[:, None], whole, 0.0)
+    for since in np.quantile(windows.t[:, 0], np.linspace(EARLIEST, LATEST, MOMENTS)):
+        yield Gate(since=float(since)), np.where((windows.t[:, 0] >= since)[:, None], whole, 0.0)
+    on = law.candidate.place.on
+    if effect_of(law.candidate.family).site != "force" or on not in names:
+        return
+    visited = windows.measured[windows.valid][:, names.index(on)]
+    edges = np.unique(np.quantile(visited, np.linspace(0.0, 1.0, PLACES + 1)))
+    edges[0], edges[-1] = -BEYOND, BEYOND
+    parts = [behind(Gate(region={on: (float(low), float(high))})) for low, high in pairwise(edges)]
+    sums = np.cumsum([np.zeros_like(before), *parts], axis=0)
+    for i, j in combinations(range(len(edges)), 2):
+        if j - i < len(parts):
+            yield Gate(region={on: (float(edges[i]), float(edges[j]))}), sums[j] - sums[i]
+
+
+def _white(search: Search, hypothesis: Hypothesis) -> FloatArray:
+    """(W, M) the whitened residual of a hypothesis from the account's start states."""
+    starts = search.account.fit.starts
+    left = search.shooting.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+    return np.asarray(np.nan_to_num(left * search.shooting.noise.whitening).reshape(len(starts), -1))
 
 
 def _priced(search: Search, law: Law, gate: Gate) -> Law:
@@ -113,25 +151,6 @@ def _priced(search: Search, law: Law, gate: Gate) -> Law:
     if gate.region and has_patch(candidate.family) and candidate.place.on in gate.region:
         candidate = replace(candidate, family="local_friction_patch")
     return replace(law, candidate=candidate, gate=gate, price=law.price + search.numbers.gate)
-
-
-def _gates(problem: Problem, law: Law) -> Iterator[Gate]:
-    """Moments and, of forces on a coordinate, runs of places of its way."""
-    windows = problem.windows
-    t = windows.t[:, 0]
-    if windows.own_clocks:
-        yield from (Gate(since_episode=int(e)) for e in np.unique(windows.episode)[1:])
-    yield from (Gate(since=float(x)) for x in np.quantile(t, np.linspace(EARLIEST, LATEST, MOMENTS)))
-    effect, names = effect_of(law.candidate.family), problem.simulator.state.names
-    if effect.site == "force" and law.candidate.place.on in names:
-        column = names.index(law.candidate.place.on)
-        edges = np.quantile(windows.measured[windows.valid][:, column], np.linspace(0.0, 1.0, PLACES + 1))
-        for i in range(PLACES):
-            for j in range(i + 1, PLACES + 1):
-                if j - i < PLACES and edges[j] > edges[i]:
-                    low = float(edges[i]) if i else -1e6
-                    high = float(edges[j]) if j < PLACES else 1e6
-                    yield Gate(region={law.candidate.place.on: (low, high)})
 
 
 def _with_edges(search: Search, account: Account) -> Account:
@@ -159,7 +178,7 @@ def _moved(gate: Gate, edge: int, by: float) -> Gate | None:
     if gate.since is not None:
         return Gate(since=gate.since + by) if edge == 0 else None
     ((on, ends),) = gate.region.items()
-    if abs(ends[edge]) >= 1e6:
+    if abs(ends[edge]) >= BEYOND:
         return None
     new = list(ends)
     new[edge] += by
