@@ -295,7 +295,8 @@ def _ranked(entry: RankedHypothesis) -> str:
         f"{family} on {on}" + (f" (for some {gate})" if gate else "")
         for (family, on), gate in zip(entry.effects, gates, strict=True)
     ]
-    return f"{entry.nats_behind:10.1f}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}"
+    why = f"  ({entry.refused})" if entry.refused else ""
+    return f"{entry.nats_behind:10.1f}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}{why}"
 
 
 def terms_text(effects: Claims) -> str:
