@@ -52,7 +52,7 @@ from gpsim.findings import (
 )
 from gpsim.recordings import Recording, evenly
 
-STEPS_LOOKED_AT = 20_000  # transitions evenly spread, from which these are taken
+STEPS_LOOKED_AT = 6_000  # transitions evenly spread, from which these are taken
 TUNED_ROUNDS = 6  # of the fit of the base simulator's own parameters
 TUNED_GAIN = 0.02  # of the base's misfit, that tuning must take off to be told
 

@@ -49,6 +49,7 @@ REACTS_WITHIN = (
 
 FEWEST_STEPS = 50  # changes of a channel by which its grid is known
 FEWEST_SIZES = 3  # different changes, in steps of the grid, standstill among them
+GRID_SAMPLES = 100_000  # of a log, in whole stretches from its beginning, that tell a grid
 GRID_MULTIPLES = (1, 3, 10, 30)  # of the grid's step, by which it is known ever more exactly
 GRID_TOLERANCE = 0.05  # of the grid's step: what is nearer to a multiple is one
 ON_GRID = 0.98  # of a channel's changes that are multiples of its grid's step (outliers may be none)
@@ -164,6 +165,8 @@ def outliers(
             continue
         usual = max(float(np.quantile(together, COMMON_SHARE)), ordinary)
         least = max(settings.stands_out * usual, OUTLIER_QUANTA * quantum)
+        if not (together > least).any():
+            continue
         causes = _caused(changes, length)
         for steps, sizes, caused, flag in zip(every_step, spikes, causes, flags, strict=True):
             for i in np.flatnonzero(sizes > least):
@@ -240,11 +243,13 @@ def quantum(series: Sequence[FloatArray], actions: Sequence[FloatArray]) -> floa
     series: of each stretch (K,), angles running on; actions: (K - 1, A) of each. A grid that the commands make (a
     push that is always as strong changes a speed by always as much) is none of the sensor's.
     """
+    some = int(np.searchsorted(np.cumsum([len(y) for y in series]), GRID_SAMPLES)) + 1
+    series, actions = series[:some], actions[:some]
     steps = np.concatenate([np.diff(y) for y in series])
     # Steps between values that are held for a sample or more: those on a grid, whatever was interpolated between.
     held = np.concatenate([np.diff(y[:-1][np.diff(y) == 0]) for y in series])
     span = max((float(np.ptp(y)) for y in series), default=0.0)
-    grids = (_grid(np.abs(some), span) for some in (steps, held))
+    grids = (_grid(np.abs(sizes), span) for sizes in (steps, held))
     found = next((grid for grid in grids if grid is not None), None)
     if found is None:
         return None
