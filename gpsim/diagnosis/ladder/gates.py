@@ -43,9 +43,11 @@ def gated(search: Search) -> None:
         found += _behind_gates(search, least, now - least)
     for i, law in enumerate(whole.laws):
         if law.price >= search.numbers.unusual:
-            plain = whole.hypothesis
-            search.account = search.without(whole, [i], plain, SETTLE)
-            found += _behind_gates(search, search.score(search.account) - now, now - search.numbers.surely)
+            search.account = search.without(whole, [i], whole.hypothesis, SETTLE)
+            most = now - search.numbers.gate
+            tried = _behind_gates(search, search.score(search.account) - now, most)
+            # A usual law's, or onsets creep into real logs.
+            found += [account for account in tried if account.laws[-1].usual]
             search.account = whole
     if not found:
         return
