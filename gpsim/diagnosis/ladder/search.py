@@ -16,12 +16,8 @@ from gpsim.effects import Scheme, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
 Key = tuple[str, str, str]
-FIRST_LOOK, SETTLE, CLOSE, FINISH = (
-    2,
-    5,
-    4,
-    10,
-)  # rounds of a fit: among others, after a change, before a decision
+# Rounds of a fit: among others, after a change, before a decision, to its end.
+FIRST_LOOK, SETTLE, CLOSE, FINISH = 2, 5, 4, 10
 LOOSE = 8.0  # nats that a batch of laws may cost together and still go without a fit between them
 SETTLED = 12  # rounds of start states alone, which dry friction lets go but slowly
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
@@ -34,13 +30,8 @@ class Search:
 
     def __init__(self, problem: Problem, held_out: Problem, laws: Sequence[Law]) -> None:
         run = problem.run
-        self.laws, self.numbers, self.verdict, self.known = (
-            list(laws),
-            run.settings.laws,
-            run.settings.verdict,
-            run.known,
-        )
-        self._trace = run.trace
+        self.laws, self._trace = list(laws), run.trace
+        self.numbers, self.verdict = run.settings.laws, run.settings.verdict
         self.shooting, self.held_out = Shooting(problem), Shooting(held_out)
         starts = problem.windows.measured[:, 0]
         self.account = Account((), self.shooting.at(Hypothesis(), np.array(starts)))
