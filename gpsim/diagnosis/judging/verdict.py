@@ -4,7 +4,7 @@ Whether something is left over is another question: with a real robot, or a clea
 that holds:
 
 1. `none`: no law stands, and nothing is left that chance would not make, or it shows in no channel.
-2. `unknown`: the laws surely explain less than `half`, or are worse than the base on held-out data.
+2. `unknown`: the laws surely explain less than `half`, or are no better than the base there.
 3. `partial`: they explain less than `nearly_all`, or a measured curve holds a tenth of it, or a headline's size is not
    known, stopped at its bound or is one that no machine has, or none is a claim by itself.
 4. `ambiguous`: a rival that lacks a headline effect is within `odds`.

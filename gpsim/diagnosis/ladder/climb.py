@@ -23,7 +23,7 @@ from gpsim.diagnosis.ladder.laws import Law, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
-from gpsim.diagnosis.ladder.search import Search
+from gpsim.diagnosis.ladder.search import FINISH, Search
 from gpsim.diagnosis.ladder.telling import told
 from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import Question
@@ -31,7 +31,7 @@ from gpsim.effects import EffectParameter, Measured, Term, closed
 from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
-FINISH, FINISH_OF_A_ROBOT = 10, 3  # rounds of the last fit
+FINISH_OF_A_ROBOT = 3  # rounds of the last fit, where each is dear
 WITHOUT = 4  # rounds of the fit of an account with one law less
 
 Step = Callable[[str, int, str], None]

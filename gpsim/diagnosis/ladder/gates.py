@@ -1,7 +1,7 @@
 """Gates: laws that act in a region of a coordinate, since a moment, or since an episode, only.
 
 One gate an account. Where and since when is scanned by lines, edges are then moved while that pays; a gate must take
-half of what is left beyond the noise, since on real logs onsets fit whatever drifts.
+half of what is left beyond the noise, since on real logs onsets fit whatever drifts, or do better than an unusual law.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 One such moment may cost a fit more than all others together, and buys laws that say nothing of the machine. A window is
 left out where the usual machine misses it by far more than all others, where few are, and where the same places and
-commands were met elsewhere without anything of the sort: what a law of the machine does, it does again. A stop that is
-hit once counts as such a bump, unless that happens at an end of the way.
+commands were met elsewhere without anything of the sort: what a law of the machine does, it does again.
 """
 
 from __future__ import annotations
