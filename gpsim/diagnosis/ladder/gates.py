@@ -24,6 +24,7 @@ MOMENTS = 10  # at which a law may have begun, that are scanned
 PLACES = 8  # parts of a coordinate's way, in runs of which a law may act alone
 EARLIEST, LATEST = 0.12, 0.88  # quantiles of time between which something may begin
 MOVES = (0.5, 0.25, 0.12, 0.06)  # of the distance between two places, by which an edge is moved
+FINER_MOVES = (0.06, 0.03, 0.015)  # once the law has told the noise
 PROBED = 3  # gates that are fitted of those that promise most
 BEYOND = 1e6  # where no coordinate goes: an edge there is none
 LEAST = 0.1  # nats that a move of an edge gains, or it is the last
@@ -55,6 +56,8 @@ def gated(search: Search) -> None:
     gain = now - search.score(search.account)
     search.say("acts behind a gate", True, search.account.hypothesis.names[-1], gain=gain)
     search.tell_noise()
+    search.account = _with_edges(search, search.account, FINER_MOVES)  # under the noise that is left now
+    search.tell_noise()
     search.refit(SETTLE)
     search.eliminate()
 
@@ -85,27 +88,32 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
     for law in search.laws:
         effect = effect_of(law.candidate.family)
         stands = [i for i, own in enumerate(account.laws) if own.key == law.key]
-        told = bool(stands) or law.has_slope or law.grows
-        if not effect.gated or effect.drifts or law.candidate.variant or not told:
+        if not effect.gated or effect.drifts or law.candidate.variant:
             continue
         terms = [account.hypothesis.terms[i] for i in stands]
         standing = [t.values[p.name] for t in terms for p in law.candidate.declared]
         # A law that stands may be right in a part alone, with another size: beside itself it tells which.
         alone = law.has_slope or not stands
         _, beside = account.without([] if alone else stands)
-        step, values = (1.0, [*standing] if stands else [*law.starts[0]]) if law.starts else nudged(law)
-        own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
         before = lines.slopes.r if alone else _white(search, beside)
-        for gate, change in _changes(search, law, beside, values, before):
-            owned = _priced(search, law, gate)
-            price = search.price(owned) - paid
-            if not alone:
-                yield lines.gain(before + change) - price, owned, values
-                continue
-            gain, size = lines.along(-change / ((values[0] - own.none) or step))
-            first = size + (standing[0] if stands else own.none)
-            if own.low <= first <= own.high:
-                yield gain - price, owned, [first, *values[1:]]
+        own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
+        if law.has_slope:
+            step, values = nudged(law)
+            tried = [(step, tuple(values))]
+        else:
+            tried = [(1.0, values) for values in ([tuple(standing)] if stands else law.starts)]
+        linear = law.has_slope or (alone and law.grows)
+        for step, values in tried:
+            for gate, change in _changes(search, law, beside, values, before):
+                owned = _priced(search, law, gate)
+                price = search.price(owned) - paid
+                if not linear:
+                    yield lines.gain(before + change) - price, owned, list(values)
+                    continue
+                gain, size = lines.along(-change / ((values[0] - own.none) or step))
+                first = size + (standing[0] if stands else own.none)
+                if own.low <= first <= own.high:
+                    yield gain - price, owned, [first, *values[1:]]
 
 
 def _changes(
@@ -155,7 +163,7 @@ def _priced(search: Search, law: Law, gate: Gate) -> Law:
     return replace(law, candidate=candidate, gate=gate, price=law.price + search.numbers.gate)
 
 
-def _with_edges(search: Search, account: Account) -> Account:
+def _with_edges(search: Search, account: Account, moves: Sequence[float] = MOVES) -> Account:
     """The account with the edges of its last law's gate where they fit best."""
     gate, problem = account.laws[-1].gate, search.shooting.problem
     if gate.since_episode is not None:
@@ -166,7 +174,7 @@ def _with_edges(search: Search, account: Account) -> Account:
         ((on, _),) = gate.region.items()
         column = problem.simulator.state.names.index(on)
         width = float(np.ptp(problem.windows.measured[problem.windows.valid][:, column])) / PLACES
-    for share in MOVES:
+    for share in moves:
         for edge, sign in product((0, 1), (-1.0, 1.0)):
             while (moved := _moved(account.laws[-1].gate, edge, sign * share * width)) is not None:
                 tried = _behind(search, account, moved)

@@ -38,6 +38,7 @@ class Search:
         self.base = self.account.fit
         self.tried: list[Account] = []
         self.gauges: set[Key] = set()
+        self._crumb = 0.0
         self.dear = closed(problem.simulator) is not None
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
@@ -47,8 +48,9 @@ class Search:
     # Prices
 
     def price(self, law: Law) -> float:
-        """Nats that a law must bring."""
-        return price(law, self.shooting.noise.effective, self.numbers.law)
+        """Nats that a law must bring; on clean data, what is more than a crumb of the base's misfit."""
+        own = price(law, self.shooting.noise.effective, self.numbers.law)
+        return own if law.free else max(own, self._crumb)
 
     def score(self, account: Account) -> float:
         """What an account costs in all: less is better [nats]."""
@@ -60,6 +62,7 @@ class Search:
         self.account, *self.tried = (
             Account(a.laws, self.shooting.counted(a.fit)) for a in (self.account, *self.tried)
         )
+        self._crumb = self.numbers.crumb * self.missing()
 
     def refit(self, rounds: int) -> None:
         """The account fitted on."""

@@ -30,6 +30,8 @@ def swap(search: Search) -> None:
         order = sorted(less, key=lambda key: less[key].fit.cost)
         if not any(_replaced(search, key, less[key], done) for key in order):
             return
+        search.tell_noise()
+        search.refit(CLOSE)
 
 
 def _replaced(search: Search, key: Key, part: Account, done: set[tuple[object, ...]]) -> bool:

@@ -57,6 +57,9 @@ class LawSettings:
         12.0, "nats", "more, of a law that a machine hardly ever has, or that bends to anything"
     )
     gate: float = setting(10.0, "nats", "more, of a law that acts in a region, or from a moment on, only")
+    crumb: float = setting(
+        1e-4, "1", "of the base's misfit, that every law takes off at least", "no simulator is exact beyond that"
+    )
     share: float = setting(0.02, "1", "of what is left beyond the noise, that a usual law takes off at least")
     share_of_drag: float = setting(0.1, "1", "the same of drag")
     share_of_unusual: float = setting(
