@@ -80,11 +80,16 @@ def doubts_of(
 
 
 def forms_of(
-    judgement: Judgement, attribution: Attribution, asked: Collection[tuple[str, str]], nearly_all: float
+    judgement: Judgement,
+    attribution: Attribution,
+    asked: Collection[tuple[str, str]],
+    bent: Collection[tuple[str, str]],
+    nearly_all: float,
 ) -> tuple[Form, ...]:
     """Whether laws hold: where a curve of their own input was asked for, and takes no more than `nearly_all` leaves.
 
-    asked: place and input of every curve that was.
+    What is usual on a machine is told though it is never quite so; what is not must follow what it is named for.
+    asked: place and input of every curve that was; bent: family and place of unusual laws beside which a curve bends.
     """
     terms, out = judgement.leader.hypothesis.terms, list[Form]()
     for term in terms:
@@ -94,9 +99,9 @@ def forms_of(
             for other, share in zip(terms, attribution.importance, strict=True)
             if isinstance(other.effect, Measured) and other.on == term.on and term is not other
         ]
-        out.append(
-            "untested" if here not in asked else "approximate" if sum(beside) > 1.0 - nearly_all else "holds"
-        )
+        tested = here in asked
+        rough = term.identity in bent or (tested and sum(beside) > 1.0 - nearly_all)
+        out.append("approximate" if rough else "holds" if tested else "untested")
     return tuple(out)
 
 

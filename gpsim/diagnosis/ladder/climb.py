@@ -41,13 +41,15 @@ Step = Callable[[str, int, str], None]
 class Climbed:
     """What a climb found.
 
-    question: as it was asked in the end; curves: of the account; asked: place and input of every curve that was tried.
+    question: as it was asked in the end; curves: of the account; asked: place and input of every curve that was tried;
+    bent: unusual laws that do not follow what they are named for, by family and place.
     """
 
     question: Question
     judgement: Judgement
     curves: Mapping[tuple[str, str, str], MeasuredCurve]
     asked: frozenset[tuple[str, str]]
+    bent: frozenset[tuple[str, str]]
 
 
 def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
@@ -81,12 +83,13 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     with_own_values(search)
     laws = search.account
     step("rung 3", 70, "asking for measured curves")
-    curves = curved(search, offers)
+    curves, bends = curved(search, offers)
     step("account", 75, "fitting the account on all windows")
     asked = (
         frozenset(one.of for one in inputs(simulator, offers)) if run.settings.curves.most else frozenset()
     )
-    return Climbed(*_finished(question, search, laws), curves, asked)
+    bent = frozenset(law.candidate.identity for law in laws.laws if bends and not law.usual)
+    return Climbed(*_finished(question, search, laws), curves, asked, bent)
 
 
 def _usual_machine(question: Question, laws: list[Law]) -> Search:

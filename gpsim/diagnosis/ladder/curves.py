@@ -79,35 +79,39 @@ def inputs(simulator: Simulator, offers: list[Candidate]) -> Iterator[Input]:
             )
 
 
-def curved(search: Search, offers: list[Candidate]) -> dict[tuple[str, str, str], MeasuredCurve]:
-    """Curves on top of the account, which they join; by family, place and variant."""
+def curved(search: Search, offers: list[Candidate]) -> tuple[dict[tuple[str, str, str], MeasuredCurve], bool]:
+    """Curves on top of the account, which they join, by family, place and variant; and whether the laws are bent.
+
+    They are where a curve would take a good part of what they leave, whether it joins or not.
+    """
     settings = search.shooting.problem.run.settings.curves
-    problem, found = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve]()
+    problem, found, bent = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve](), False
     if problem.windows.length < 3 or search.dear:
-        return found
+        return found, bent
     known = problem.run.known
     asked_for = not known.only
     every = [i for i in inputs(problem.simulator, offers) if known.asks((i.family, i.on), asked_for)]
     for _ in range(settings.most):
         left = search.left()
         if left <= max(settings.leaves * search.missing(), search.numbers.rare):
-            return found
+            return found, bent
         dry = {t.on for t in search.account.hypothesis.terms if t.family == "coulomb_friction"}
         asked = [one for one in every if one.variant != "friction" or one.on in dry]
         tried = [t for one in asked if (t := _lined(search, one, settings.knots)) is not None]
         tried.sort(key=lambda t: -t[0])
         if not tried or tried[0][0] <= 0.0:
-            return found
+            return found, bent
+        bent |= tried[0][0] > settings.bends * left
         _, one, heights, knots, freedom, band = tried[0]
         account = _fitted(search, one, knots, heights, freedom)
         gain = search.account.fit.cost - account.fit.cost
         if gain < max(settings.takes * left, _price(search, freedom)):
-            return found
+            return found, bent
         search.say("a measured curve", True, f"{one.quantity} of {search.channel(one.column)}", gain=gain)
         search.account = account
         found[one.family, one.on, one.variant] = _told(problem, one, account.hypothesis.terms[-1], band)
         every = [e for e in every if e is not one]
-    return found
+    return found, bent
 
 
 def _visited(problem: Problem, column: int) -> FloatArray:

@@ -126,6 +126,9 @@ class CurveSettings:
         "less no rollout shows",
     )
     takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
+    bends: float = setting(
+        0.1, "1", "of what is left, that one promises beyond its price where unusual laws hold only roughly"
+    )
 
 
 @dataclass(frozen=True)
