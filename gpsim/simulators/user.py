@@ -121,11 +121,13 @@ class UserSimulator(Simulator):
                 )
         positions = set(pairs)
         self._rated = [name for name in state if name not in positions]
+        self._names = set(self._rated)
         self.rate = Channels.of({_rate_name(n): f"{state[n]}/s" for n in self._rated})  # type: ignore[misc]
         self.coordinates = tuple(  # type: ignore[misc]
             Coordinate(q, v, _rate_name(v), str(force_units.get(q, f"force on {q}")))
             for q, v in pairs.items()
         )
+        self._forced = [c.name for c in self.coordinates]
         self._pairs = [(self.state.index(q), self.state.index(v)) for q, v in pairs.items()]
         self._rows = [self.state.index(name) for name in self._rated]
 
@@ -133,12 +135,12 @@ class UserSimulator(Simulator):
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:
         """(B, R): what the user's `rates` returns, checked."""
-        states = {name: read_only(state[:, i]) for i, name in enumerate(self.state.names)}
-        actions = {name: read_only(action[:, i]) for i, name in enumerate(self.action.names)}
+        states = dict(zip(self.state.names, read_only(state).T, strict=True))
+        actions = dict(zip(self.action.names, read_only(action).T, strict=True))
         arguments: list[Any] = [states, actions, read_only(parameters)]
         if self.coordinates:
             given = np.zeros((len(state), len(self.coordinates))) if forces is None else forces
-            arguments.append({c.name: read_only(given[:, i]) for i, c in enumerate(self.coordinates)})
+            arguments.append(dict(zip(self._forced, read_only(given).T, strict=True)))
         answer = asked(lambda: self._system.rates(*arguments), "rates", self._reference)
         return self._checked(answer, len(state))
 
@@ -155,7 +157,7 @@ class UserSimulator(Simulator):
         return difference(next_state, state, self.state)[:, self._rows] / dt[:, None]
 
     def _checked(self, answer: Any, rows: int) -> FloatArray:
-        if not isinstance(answer, Mapping) or set(answer) != set(self._rated):
+        if not isinstance(answer, Mapping) or answer.keys() != self._names:
             got = ", ".join(map(str, answer)) if isinstance(answer, Mapping) else type(answer).__name__
             raise UsageError(
                 f"{self._reference}: rates must return a dictionary with {', '.join(self._rated)}, got {got}"
@@ -163,6 +165,9 @@ class UserSimulator(Simulator):
         out = np.empty((rows, len(self._rated)))
         for i, name in enumerate(self._rated):
             values = np.asarray(answer[name])
+            if values.shape == (rows,) and values.dtype == float:
+                out[:, i] = values
+                continue
             refuse_complex(values, f"rates['{name}']", self._reference)
             if values.shape not in ((), (rows,)) or not np.issubdtype(values.dtype, np.number):
                 raise UsageError(
