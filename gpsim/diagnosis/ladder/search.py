@@ -38,7 +38,7 @@ class Search:
         self.base = self.account.fit
         self.tried: list[Account] = []
         self.gauges: set[Key] = set()
-        self._crumb = 0.0
+        self.least = 0.0
         self.dear = closed(problem.simulator) is not None
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
@@ -48,9 +48,9 @@ class Search:
     # Prices
 
     def price(self, law: Law) -> float:
-        """Nats that a law must bring; on clean data, what is more than a crumb of the base's misfit."""
+        """Nats that a law must bring."""
         own = price(law, self.shooting.noise.effective, self.numbers.law)
-        return own if law.free else max(own, self._crumb)
+        return own if law.free else max(own, self.least)
 
     def score(self, account: Account) -> float:
         """What an account costs in all: less is better [nats]."""
@@ -62,7 +62,6 @@ class Search:
         self.account, *self.tried = (
             Account(a.laws, self.shooting.counted(a.fit)) for a in (self.account, *self.tried)
         )
-        self._crumb = self.numbers.crumb * self.missing()
 
     def refit(self, rounds: int) -> None:
         """The account fitted on."""
@@ -410,7 +409,11 @@ class Search:
     # Held out
 
     def judge_held_out(self) -> None:
-        """What is worth nothing on held-out windows goes, unusual laws first; what training asks for stays."""
+        """What is worth nothing on held-out windows goes, unusual laws first; what training asks for stays.
+
+        So does what is a crumb of the base's misfit: on clean data every law would stand.
+        """
+        self.least = self.numbers.crumb * self.missing()
         while not self.dear:
             less = self.drop_each()
             if not len(self.held_out.problem.windows):
