@@ -93,7 +93,7 @@ def curved(search: Search, offers: list[Candidate]) -> tuple[dict[tuple[str, str
     every = [i for i in inputs(problem.simulator, offers) if known.asks((i.family, i.on), asked_for)]
     for _ in range(settings.most):
         left = search.left()
-        if left <= max(settings.leaves * search.missing(), search.numbers.rare):
+        if left <= max(search.numbers.crumb * search.missing(), search.numbers.rare):
             return found, bent
         dry = {t.on for t in search.account.hypothesis.terms if t.family == "coulomb_friction"}
         asked = [one for one in every if one.variant != "friction" or one.on in dry]
@@ -101,7 +101,7 @@ def curved(search: Search, offers: list[Candidate]) -> tuple[dict[tuple[str, str
         tried.sort(key=lambda t: -t[0])
         if not tried or tried[0][0] <= 0.0:
             return found, bent
-        bent |= tried[0][0] > settings.bends * left
+        bent |= tried[0][0] > (1.0 - search.verdict.nearly_all) * left
         _, one, heights, knots, freedom, band = tried[0]
         account = _fitted(search, one, knots, heights, freedom)
         gain = search.account.fit.cost - account.fit.cost

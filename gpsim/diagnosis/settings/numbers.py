@@ -58,7 +58,7 @@ class LawSettings:
     )
     gate: float = setting(10.0, "nats", "more, of a law that acts in a region, or from a moment on, only")
     crumb: float = setting(
-        1e-4, "1", "of the base's misfit, that every law takes off at least", "no simulator is exact beyond that"
+        2e-4, "1", "of the base's misfit: a law that takes off less goes, no curve is asked for", "no rollout shows it"
     )
     share: float = setting(0.02, "1", "of what is left beyond the noise, that a usual law takes off at least")
     share_of_drag: float = setting(0.1, "1", "the same of drag")
@@ -119,16 +119,7 @@ class CurveSettings:
 
     most: int = setting(2, "1", "curves, at most; 0 asks for none", least=0)
     knots: int = setting(9, "1", "knots of a curve of one input", "friction bends at low speed", least=3)
-    leaves: float = setting(
-        0.0005,
-        "1",
-        "of the base's misfit, that laws must leave before one is asked for",
-        "less no rollout shows",
-    )
     takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
-    bends: float = setting(
-        0.1, "1", "of what is left, that one promises beyond its price where unusual laws hold only roughly"
-    )
 
 
 @dataclass(frozen=True)
