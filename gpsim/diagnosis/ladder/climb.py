@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
@@ -167,17 +169,26 @@ def _curves_of(whole: Account, laws: Account) -> list[tuple[Term, tuple[EffectPa
 
 
 def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
-    """The account without each of its terms, the others fitted from where the quadratic says they are."""
+    """The account without each of its terms, the others fitted from where the quadratic says they are.
+
+    A robot's are where it says: only start states are fitted, since each simulation is dear.
+    """
     shooting, out = Shooting(problem, leader.noise), []
     whole = Account((), leader)
-    around = Quadratic(whole)
+    around, dear = Quadratic(whole), closed(problem.simulator) is not None
+    follow = shooting.slopes(leader).projected()[2] if dear else np.zeros(0)
     for i in range(len(leader.hypothesis.terms)):
-        adapted = placed(leader.hypothesis, around.without([i]))
+        z = around.without([i])
+        adapted = placed(leader.hypothesis, z)
+        if dear:
+            point = shooting.at(adapted.without(i), leader.starts - follow @ (z - leader.z))
+            started = shooting.fit(shooting.at(point.hypothesis.frozen(), point.starts), 1)
+            out.append(replace(started, prior=point.prior))
+            continue
         points = [
             shooting.at(_with_held_curves(h.without(i)), leader.starts) for h in (adapted, leader.hypothesis)
         ]
-        dear = closed(problem.simulator) is not None
-        out.append(shooting.fit(min(points, key=lambda p: p.cost), 1 if dear else WITHOUT))
+        out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
     return tuple(out)
 
 
