@@ -235,7 +235,7 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                point, per_window = self._starts_alone(point, slopes, per_window)
+                point, per_window = self.starts_alone(point, slopes, per_window)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > patience:
                 break
@@ -262,7 +262,9 @@ class Shooting:
         )
         return new, better
 
-    def _starts_alone(self, point: Fit, slopes: Slopes, damping: FloatArray) -> tuple[Fit, FloatArray]:
+    def starts_alone(
+        self, point: Fit, slopes: Slopes, damping: FloatArray | float = 1e-6
+    ) -> tuple[Fit, FloatArray]:
         """A step of the start states with the parameters held, kept window by window; and the windows' damping then."""
         gram = slopes.gram(damping)
         r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)

@@ -14,8 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
@@ -90,7 +88,8 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     asked = (
         frozenset(one.of for one in inputs(simulator, offers)) if run.settings.curves.most else frozenset()
     )
-    bent = frozenset(law.candidate.identity for law in laws.laws if bends and not law.usual)
+    unusual = [law.candidate for law in laws.laws if not law.usual]
+    bent = frozenset(c.identity for c in unusual if c.place.on in bends)
     return Climbed(*_finished(question, search, laws), curves, asked, bent)
 
 
@@ -173,20 +172,19 @@ def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:
 
     A robot's are where it says: only start states are fitted, since each simulation is dear.
     """
-    shooting, out = Shooting(problem, leader.noise), []
-    whole = Account((), leader)
-    around, dear = Quadratic(whole), closed(problem.simulator) is not None
-    follow = shooting.slopes(leader).projected()[2] if dear else np.zeros(0)
-    for i in range(len(leader.hypothesis.terms)):
-        z = around.without([i])
-        adapted = placed(leader.hypothesis, z)
-        if dear:
-            point = shooting.at(adapted.without(i), leader.starts - follow @ (z - leader.z))
-            started = shooting.fit(shooting.at(point.hypothesis.frozen(), point.starts), 1)
-            out.append(replace(started, prior=point.prior))
-            continue
+    shooting, around = Shooting(problem, leader.noise), Quadratic(Account((), leader))
+    rest = [around.without([i]) for i in range(len(leader.hypothesis.terms))]
+    adapted = [placed(leader.hypothesis, z) for z in rest]
+    if closed(problem.simulator) is not None:
+        slopes = shooting.slopes(leader)
+        follow = slopes.projected()[2]
+        starts = [leader.starts - follow @ (z - leader.z) for z in rest]
+        points = [shooting.at(h.without(i), starts[i]) for i, h in enumerate(adapted)]
+        return tuple(shooting.starts_alone(point, slopes)[0] for point in points)
+    out = []
+    for i, h in enumerate(adapted):
         points = [
-            shooting.at(_with_held_curves(h.without(i)), leader.starts) for h in (adapted, leader.hypothesis)
+            shooting.at(_with_held_curves(one.without(i)), leader.starts) for one in (h, leader.hypothesis)
         ]
         out.append(shooting.fit(min(points, key=lambda p: p.cost), WITHOUT))
     return tuple(out)
@@ -207,8 +205,7 @@ def _with_held_curves(hypothesis: Hypothesis) -> Hypothesis:
 
 def _ranking(search: Search, leader: Hypothesis) -> list[Tried]:
     """All that was tried on the last grid, the leader first, then the best first, one of the same claims each."""
-    own = search.score(search.account)
-    later = search.later(search.account)
+    own, mine = search.score(search.account), None
     found = {_key(leader): Tried(leader, 0.0)}
     for account in sorted(search.tried, key=search.score):
         hypothesis = told(account)
@@ -217,7 +214,8 @@ def _ranking(search: Search, leader: Hypothesis) -> list[Tried]:
             continue
         refused = ""
         if behind < search.verdict.tie:
-            after = search.later(account) - later
+            mine = search.later(search.account) if mine is None else mine
+            after = search.later(account) - mine
             behind = max(behind + after, after) if behind + after > 0 else behind
             refused = search.why_not(account) if behind < 0 else ""
             behind = max(behind, 0.0) if not refused else behind

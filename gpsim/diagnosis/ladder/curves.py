@@ -79,13 +79,15 @@ def inputs(simulator: Simulator, offers: list[Candidate]) -> Iterator[Input]:
             )
 
 
-def curved(search: Search, offers: list[Candidate]) -> tuple[dict[tuple[str, str, str], MeasuredCurve], bool]:
-    """Curves on top of the account, which they join, by family, place and variant; and whether the laws are bent.
+def curved(
+    search: Search, offers: list[Candidate]
+) -> tuple[dict[tuple[str, str, str], MeasuredCurve], set[str]]:
+    """Curves on top of the account, which they join, by family, place and variant; and where laws are bent.
 
-    They are where a curve would take a good part of what they leave, whether it joins or not.
+    That is where a curve would take a good part of what they leave, whether it joins or not.
     """
     settings = search.shooting.problem.run.settings.curves
-    problem, found, bent = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve](), False
+    problem, found, bent = search.shooting.problem, dict[tuple[str, str, str], MeasuredCurve](), set[str]()
     if problem.windows.length < 3 or search.dear:
         return found, bent
     known = problem.run.known
@@ -101,7 +103,7 @@ def curved(search: Search, offers: list[Candidate]) -> tuple[dict[tuple[str, str
         tried.sort(key=lambda t: -t[0])
         if not tried or tried[0][0] <= 0.0:
             return found, bent
-        bent |= tried[0][0] > (1.0 - search.verdict.nearly_all) * left
+        bent |= {c.on for gain, c, *_ in tried if gain > (1.0 - search.verdict.nearly_all) * left}
         _, one, heights, knots, freedom, band = tried[0]
         account = _fitted(search, one, knots, heights, freedom)
         gain = search.account.fit.cost - account.fit.cost

@@ -58,7 +58,10 @@ class LawSettings:
     )
     gate: float = setting(10.0, "nats", "more, of a law that acts in a region, or from a moment on, only")
     crumb: float = setting(
-        2e-4, "1", "of the base's misfit: a law that takes off less goes, no curve is asked for", "no rollout shows it"
+        2e-4,
+        "1",
+        "of the base's misfit: a law that takes off less goes, no curve is asked for",
+        "no rollout shows it",
     )
     share: float = setting(0.02, "1", "of what is left beyond the noise, that a usual law takes off at least")
     share_of_drag: float = setting(0.1, "1", "the same of drag")
@@ -203,6 +206,6 @@ class ClosedStepSettings:
     """Simulators that own their integration (MuJoCo models): steps are dear."""
 
     fitted: int = setting(
-        100, "windows", "that the account is fitted to, and as many held out, at most", least=4
+        60, "windows", "that the account is fitted to, and as many held out, at most", least=4
     )
     searched: int = setting(40, "windows", "that laws are fitted to while they are sought, at most", least=4)
