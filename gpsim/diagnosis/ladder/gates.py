@@ -97,11 +97,8 @@ def _promises(search: Search) -> Iterator[tuple[float, Law, list[float]]]:
         _, beside = account.without([] if alone else stands)
         before = lines.slopes.r if alone else _white(search, beside)
         own, paid = law.candidate.declared[0], search.price(law) if stands else 0.0
-        tried: list[tuple[float, Sequence[float]]]
-        if law.has_slope:
-            tried = [nudged(law)]
-        else:
-            tried = [(1.0, values) for values in ([standing] if stands else law.starts)]
+        sizes = [standing] if stands else [list(values) for values in law.starts]
+        tried = [nudged(law)] if law.has_slope else [(1.0, values) for values in sizes]
         linear = law.has_slope or (alone and law.grows)
         for step, values in tried:
             for gate, change in _changes(search, law, beside, values, before):
