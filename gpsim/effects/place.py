@@ -38,7 +38,8 @@ class EffectParameter:
     place: whether it says where the effect acts, and not how much it does. plausible: the sizes that machines have, in
     its unit, None where nobody says so (see `gpsim.effects.plausible`). paired: whether its starts go with those of the
     parameter before it, one by one, and not with each of them. exact: the 90 % interval that the recording itself
-    gives, None where a fit does; its bounds are then none of a search.
+    gives, None where a fit does; its bounds are then none of a search. believed: the value that another look at the
+    recording gave, and its deviation, which a fit begins with and weighs.
     """
 
     name: str
@@ -54,6 +55,7 @@ class EffectParameter:
     plausible: tuple[float, float] | None = None
     paired: bool = False
     exact: tuple[float, float] | None = None
+    believed: tuple[float, float] | None = None
 
 
 def longest_delay(dt: float) -> float:

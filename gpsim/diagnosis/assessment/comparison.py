@@ -38,7 +38,7 @@ from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversa
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import Attribution, Judgement
 from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
-from gpsim.effects import ParameterEffect, effect_of
+from gpsim.effects import ParameterEffect, closed, effect_of
 from gpsim.findings import (
     BlackBox,
     BoxKind,
@@ -54,6 +54,7 @@ from gpsim.recordings import Recording, evenly
 
 STEPS_LOOKED_AT = 6_000  # transitions evenly spread, from which these are taken
 TUNED_ROUNDS = 6  # of the fit of the base simulator's own parameters
+TUNED_OF_A_ROBOT = 2, 16  # the same, and windows, where each is dear
 TUNED_GAIN = 0.02  # of the base's misfit, that tuning must take off to be told
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
@@ -262,9 +263,12 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
             tuned = tuned.plus(believed, candidate.declared)
     if not tuned.terms:
         return base
-    problem = question.searched
-    plain = fit(problem, base, rounds=TUNED_ROUNDS)
-    found = fit(problem, tuned, plain.starts, TUNED_ROUNDS, plain.noise)
+    problem, rounds = question.searched, TUNED_ROUNDS
+    if closed(problem.simulator) is not None:
+        rounds, windows = TUNED_OF_A_ROBOT
+        problem = problem.on(problem.windows.take(evenly(len(problem.windows), windows)))
+    plain = fit(problem, base, rounds=rounds)
+    found = fit(problem, tuned, plain.starts, rounds, plain.noise)
     return found.hypothesis if found.cost < (1.0 - TUNED_GAIN) * plain.cost else base
 
 

@@ -17,6 +17,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.shooting import STATE_STEP, Fit, Shooting, fit
 from gpsim.effects import ClosedStep, closed
+from gpsim.simulators import Simulator
 
 WHITENESS_LAGS = 3  # lags at which a white residual must not be correlated [samples]
 AT_FLOOR = 1.01  # times the floor (known noise, numerical error): a residual that small is white
@@ -37,15 +38,16 @@ TOLERATED_BY_COARSER = 0.03
 square. So much leaves a Gauss-Newton step nearly as long, and is mended by what steps teach of slopes."""
 ASIDE = 1e-3  # of a channel's size, by which starts are moved to see what that changes
 LESS = 0.8  # times its sizes, that a likely machine has to see what those change
-TOLERATED_DRY_ERROR = 3e-4
+TOLERATED_DRY_ERROR = 1e-3
 """Of a channel's spread: what stops of dry friction may be off by, if it is more than noise hides."""
 TOLERATED_STEP_ERROR, HIDDEN_BY_NOISE = 3e-5, 30.0
 """Of a channel's spread, or of noise one in so many: what halving the steps may change. It is alike in all windows, so
 that they do not average it out: at a third of the noise an arm's viscous friction came out a third too high."""
-EXACT_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5, 0.25)
+EXACT_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0)
 """Times as long as its own, steps of a method of higher order that are tried (a model's own step of first order is off
 by a millimetre where stiff servos move light links, and hides all that encoders tell)."""
 COST_OF_EXACT = 4.0  # steps of its own that such a step costs (Runge and Kutta's four stages)
+NEARLY = 3.0  # times the least error: as exact, where none are exact enough
 DRY_FINER = (1, 3, 6)  # times as many steps where dry friction acts, the first that will do
 
 
@@ -161,7 +163,7 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
 
     Those are its own, or fewer by a method of higher order: what its own step is off by would pass for physics, and
     what happens in truth knows no step. Where none will do for the base, those that do for a `likely` machine: light
-    links without rotor and friction whirl as no machine does. Where none will do for that, the most exact.
+    links without rotor and friction whirl as no machine does. Where none will do for that, nearly the most exact.
     """
     system = closed(problem.simulator)
     assert system is not None
@@ -173,20 +175,22 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
 
 
 def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
-    """The steps that cost least of those exact enough, or the most exact; and what they are off by, as tolerated."""
+    """The steps that cost least of those exact enough, or nearly as exact as any; and what the best are off by."""
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
-    tolerated, best, least = _tolerated(problem), problem, np.inf
+    tolerated = _tolerated(problem)
     at = fit(problem, hypothesis.frozen(), rounds=ERROR_ITERATIONS)
     exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
-    for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
+
+    def off(simulator: Simulator, steps: int) -> float:
         tried = replace(problem, simulator=simulator, substeps=steps)
-        off = float((numerical_error(tried, at) / tolerated)[problem.observed].max())
-        if off < least:
-            best, least = tried, off
-        if off <= 1.0:
+        return float((numerical_error(tried, at) / tolerated)[problem.observed].max())
+
+    least = off(exact, few[-1])
+    for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
+        if off(simulator, steps) <= max(1.0, NEARLY * least):
             break
-    return best, least
+    return replace(problem, simulator=simulator, substeps=steps), least
 
 
 def _with_slopes(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> Problem:

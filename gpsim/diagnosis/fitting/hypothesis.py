@@ -280,6 +280,11 @@ def _row(p: EffectParameter) -> tuple[float, ...]:
         return LIMIT, 0.0, 1.0 / max(p.low, 0.05 * typical), 0.3 / typical, WIDE / typical, 0.0
     if p.none == 1.0 and p.high > 0.0:
         low = max(p.low, SMALLEST_RATIO)
-        return RATIO, np.log(low), np.log(max(p.high, 2 * low)), 0.3, LOG_SIZE, 0.0
-    start = p.starts[0] - p.none if p.place else 0.0
-    return DIFFERENCE, p.low - p.none, p.high - p.none, p.scale, WIDE * p.scale, start
+        prior, centre = LOG_SIZE, 0.0
+        if p.believed is not None:
+            prior, centre = p.believed[1] / max(p.believed[0], low), float(np.log(max(p.believed[0], low)))
+        return RATIO, np.log(low), np.log(max(p.high, 2 * low)), 0.3, prior, centre
+    prior, centre = WIDE * p.scale, p.starts[0] - p.none if p.place else 0.0
+    if p.believed is not None:
+        prior, centre = p.believed[1], p.believed[0] - p.none
+    return DIFFERENCE, p.low - p.none, p.high - p.none, p.scale, prior, centre

@@ -16,6 +16,10 @@ from gpsim.effects import Chain
 from gpsim.kernels import Past, Program, can_compile, marched, program_of, read_late
 from gpsim.simulators import Memory
 
+NEARLY_EVEN = (
+    1.0  # transitions that a window's clock is off a line, up to which whole windows are simulated at once
+)
+
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 
@@ -89,13 +93,18 @@ def _passed(
     chain, windows, values, n = batch.chain, batch.windows, batch.values, batch.n
     clock, state = np.ascontiguousarray(windows.t.T[:, batch.rows]), starts
     owner = None if chain.actuation.looks else chain.closed
-    at_once = windows.length if owner is not None and batch.even and extra is None else 1
+    straight, off = straightened(windows)
+    at_once = (
+        windows.length if owner is not None and extra is None and np.abs(off).max() <= NEARLY_EVEN else 1
+    )
     for k in range(0, windows.length, at_once):
-        t, step = clock[k], (clock[k + 1] - clock[k]) / n
+        t, step = clock[k], (clock[k + 1] - clock[k] if at_once == 1 else straight[batch.rows]) / n
         added = None if extra is None else extra(state, windows.actions[batch.rows, k], k)
         if owner is not None:
             acted = np.stack([drive(i, j, state) for i in range(k, k + at_once) for j in range(n)], axis=1)
             path = tamed(chain.rolled(owner, state, acted, values, step, t, added))
+            if at_once > 1 and not batch.even:
+                path = _moved(state, path, off[batch.rows, 1:], n)
             yield from path.transpose(1, 0, 2)
             state = path[:, -1]
             continue
@@ -103,6 +112,29 @@ def _passed(
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added, strained)
             state = tamed(state) if j == n - 1 else state
             yield state
+
+
+def straightened(windows: Windows) -> tuple[FloatArray, FloatArray]:
+    """(W,) s, how long each window's transitions are in the mean, and (W, L + 1) by how many of these its clock is off."""
+    last = np.maximum(windows.valid.sum(axis=1) - 1, 1)
+    rows = np.arange(len(windows))
+    mean = (windows.t[rows, last] - windows.t[:, 0]) / last
+    line = windows.t[:, :1] + mean[:, None] * np.arange(windows.length + 1)
+    return mean, np.where(windows.valid, windows.t - line, 0.0) / mean[:, None]
+
+
+def _moved(start: FloatArray, path: FloatArray, off: FloatArray, n: int) -> FloatArray:
+    """States (B, L n, S) on even substeps, at the ends of transitions as they are so many transitions (B, L) later.
+
+    By the parabola through the nearest state and its neighbours.
+    """
+    whole = np.concatenate([start[:, None], path], axis=1)
+    place = n * (np.arange(1, off.shape[1] + 1) + off)
+    nearest = np.clip(np.rint(place).astype(np.int64), 1, path.shape[1] - 1)
+    far, rows = (place - nearest)[:, :, None], np.arange(len(path))[:, None]
+    before, here, after = (whole[rows, nearest + k] for k in (-1, 0, 1))
+    path[:, n - 1 :: n] = here + far * ((after - before) / 2.0 + far * (after - 2.0 * here + before) / 2.0)
+    return path
 
 
 def _history(

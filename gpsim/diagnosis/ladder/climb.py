@@ -100,7 +100,7 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
     if closed(question.everything.simulator) is not None:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
-    search.usual({} if sized is None else sized.values)
+    search.usual(sized)
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     search.eliminate()
     return search

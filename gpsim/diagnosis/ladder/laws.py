@@ -69,6 +69,10 @@ USUAL: Mapping[str, Mapping[str, str]] = {
 }
 """Kind of machine -> family -> why it is usual there."""
 
+SERVO_GAINS = (
+    ".kp",
+    ".kv",
+)  # of a model's servos, which are usually guessed: firmware counts in units of its own
 KNOWN_WELL = (("parameter_offset", "gravity"),)  # what nobody gets wrong
 
 PRESSED = (
@@ -143,9 +147,29 @@ class Law:
         return len(self.candidate.declared) == 1 and self.candidate.declared[0].none == 1.0
 
     @property
+    def of_servo(self) -> bool:
+        """Whether it is a gain of a servo."""
+        return self.candidate.place.on.endswith(SERVO_GAINS)
+
+    @property
     def has_slope(self) -> bool:
         """Whether its size can be told from its slope where it does nothing."""
         return not self.starts
+
+    def believed(
+        self,
+        values: Mapping[tuple[str, str], Sequence[float]],
+        deviations: Mapping[tuple[str, str], Sequence[float]],
+    ) -> Law:
+        """The law with what another look at the recording gave, where that says something of it."""
+        where = self.candidate.identity
+        if where not in values or self.candidate.variant:
+            return self
+        both = zip(values[where], deviations[where], strict=True)
+        declared = tuple(
+            replace(p, believed=(v, sd)) for p, (v, sd) in zip(self.candidate.declared, both, strict=True)
+        )
+        return replace(self, candidate=replace(self.candidate, declared=declared))
 
     def term(self, values: Sequence[float]) -> Term:
         """The law with values of its parameters."""
@@ -184,6 +208,7 @@ def kind_of(simulator: Simulator) -> str:
 def _law(candidate: Candidate, table: Mapping[str, str], numbers: LawSettings, known: Known) -> Law:
     family, required = candidate.family, known.requires(candidate.identity)
     usual = family in table and candidate.variant in ("", PRESSED) and candidate.identity not in KNOWN_WELL
+    usual = usual or candidate.place.on.endswith(SERVO_GAINS)
     usual = known.usual_there(candidate.identity, usual)
     price = 0.0 if usual or required else numbers.unusual
     if not usual and not required:

@@ -331,6 +331,8 @@ class _Fit:
                 holds = np.quantile(np.abs(lacks[counts == STICKS, row.joint]), HOLDS)
                 sizes[i] = np.clip(holds, least, row.bounds[1])
                 deviations[i] = ROUGHLY * sizes[i]
+                pushed = [r.joint == row.joint and r.kind == PUSH for r in self.rows]
+                deviations[pushed] = np.maximum(deviations[pushed], sizes[i])  # it may hold as much as that
                 held.append(row.joint)
         return replace(self, sizes=sizes, deviations=deviations, told=told, held=tuple(held))
 

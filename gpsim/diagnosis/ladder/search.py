@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, f
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
+from gpsim.diagnosis.ladder.robots import Sized
 from gpsim.effects import Scheme, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
@@ -75,20 +76,25 @@ class Search:
 
     # Rung 1
 
-    def usual(self, known: Mapping[tuple[str, str], Sequence[float]] | None = None) -> None:
+    def usual(self, known: Sized | None = None) -> None:
         """All usual laws at once: those with a slope from nothing, those without by scans; then the noise.
 
-        known: family and place -> sizes that inverse dynamics say, with which alone a robot's begin.
+        known: what inverse dynamics say, with which alone a robot's laws begin, and which fits weigh as they weigh a
+        prior: forces tell of friction what short rollouts hardly feel.
         """
         self.refit(3)
         self.base = self.account.fit
         self.tell_noise()
+        if known:
+            self.laws = [law.believed(known.values, known.deviations) for law in self.laws]
         usual = [law for law in self.laws if law.usual]
         if known:
-            laws = tuple(law for law in usual if law.candidate.identity in known)
+            laws = tuple(law for law in usual if law.candidate.identity in known.values or law.of_servo)
             hypothesis = Hypothesis()
             for law in laws:
-                hypothesis = hypothesis.plus(law.term(known[law.candidate.identity]), law.candidate.declared)
+                nothing = [p.none for p in law.candidate.declared]
+                values = known.values.get(law.candidate.identity, nothing)
+                hypothesis = hypothesis.plus(law.term(values), law.candidate.declared)
             self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
             self.tell_noise()
         else:

@@ -55,11 +55,12 @@ MOST_USUAL_SUBSTEPS = 6  # substeps that this may ask for
 SLOW_STEP = 0.5  # transitions longer than this belong to systems for which seconds are no guide [s]
 TOLERATED_CHANGE = 3e-3  # of a channel's spread: what halving the substep may change
 SAMPLED_WINDOWS = 40  # windows on which the base simulator's numerical error and mismatch are measured
+SAMPLED_OF_A_ROBOT = 16  # the same, where each is dear
 
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
 DRY_WINDOWS = 12  # windows on which that is asked, of every joint
-DRY_JOINTS = 3  # of a model, at most, whose dry friction is stepped finely: the steps of an arm are too dear
+DRY_JOINTS = 2  # of a model, at most, whose dry friction is stepped finely: the steps of an arm are too dear
 UNSTABLE = 10.0
 """Times as far apart that two simulations may be at a window's end that began slightly apart: on poles that fall longer
 windows lead fits into local minima; robots that are held stay below 7."""
@@ -257,7 +258,8 @@ def _fine_enough(problem: Problem) -> Problem:
 
 def _sample(problem: Problem) -> Problem:
     """The problem on a few windows, which show the base simulator's errors."""
-    return problem.on(spread_out(problem.windows, SAMPLED_WINDOWS, problem.run.settings.windows.fewest))
+    most = SAMPLED_WINDOWS if closed(problem.simulator) is None else SAMPLED_OF_A_ROBOT
+    return problem.on(spread_out(problem.windows, most, problem.run.settings.windows.fewest))
 
 
 def spread_out(windows: Windows, most: int, fewest: int) -> Windows:
