@@ -115,7 +115,7 @@ def _passed(
 
 
 def straightened(windows: Windows) -> tuple[FloatArray, FloatArray]:
-    """(W,) s, how long each window's transitions are in the mean, and (W, L + 1) by how many of these its clock is off."""
+    """(W,) s, how long transitions of each window are in the mean; (W, L + 1) by how many of these its clock is off."""
     last = np.maximum(windows.valid.sum(axis=1) - 1, 1)
     rows = np.arange(len(windows))
     mean = (windows.t[rows, last] - windows.t[:, 0]) / last
