@@ -127,7 +127,7 @@ def test_growth_is_that_of_a_falling_pole(made):
 def test_a_model_of_many_joints_is_not_stepped_finely(made, monkeypatch):
     question = made(rubbed, 1e-4)
     assert steps_with_friction(question.searched, question.recording) == {"q": 6}
-    monkeypatch.setitem(prepare.__globals__, "DRY_JOINTS", 0)
+    monkeypatch.setitem(prepare.__globals__, "FEW_JOINTS", 0)
     assert steps_with_friction(question.searched, question.recording) == {}
 
 

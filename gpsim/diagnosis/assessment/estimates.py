@@ -33,6 +33,7 @@ from gpsim.effects import (
     ParameterEffect,
     Term,
     base_name,
+    closed,
     own_name,
     owner_of,
     times_beyond,
@@ -236,8 +237,11 @@ def _inverse(information: FloatArray) -> FloatArray:
 
 
 def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
-    """(P,) how far one Gauss-Newton step moves the coordinates on a grid twice as fine."""
-    if fit.hypothesis.scheme != "fine":
+    """(P,) how far one Gauss-Newton step moves the coordinates on a grid twice as fine.
+
+    Not of who owns the integration, whose steps were chosen by what halving them changes.
+    """
+    if fit.hypothesis.scheme != "fine" or closed(problem.simulator) is not None:
         return np.zeros(len(fit.z))
     fine = _with_slopes(replace(problem, substeps=2 * problem.substeps), fit)
     here = _with_slopes(problem, fit)

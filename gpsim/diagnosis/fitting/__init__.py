@@ -1,6 +1,7 @@
 """Fitting: a hypothesis against windows, by multiple shooting."""
 
 from gpsim.diagnosis.fitting.evidence import (
+    FEW_JOINTS,
     TOLERATED_NOISE,
     TOLERATED_STEP_ERROR,
     USUAL_SUBSTEP,
@@ -25,6 +26,7 @@ from gpsim.diagnosis.fitting.shooting import Fit, Noise, Shooting, Slopes, fit, 
 from gpsim.diagnosis.fitting.simulate import Extra, simulate
 
 __all__ = [
+    "FEW_JOINTS",
     "TOLERATED_NOISE",
     "TOLERATED_STEP_ERROR",
     "USUAL_SUBSTEP",

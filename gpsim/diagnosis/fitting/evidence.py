@@ -38,16 +38,19 @@ TOLERATED_BY_COARSER = 0.03
 square. So much leaves a Gauss-Newton step nearly as long, and is mended by what steps teach of slopes."""
 ASIDE = 1e-3  # of a channel's size, by which starts are moved to see what that changes
 LESS = 0.8  # times its sizes, that a likely machine has to see what those change
-TOLERATED_DRY_ERROR = 1e-3
+TOLERATED_DRY_ERROR = 3e-4
 """Of a channel's spread: what stops of dry friction may be off by, if it is more than noise hides."""
 TOLERATED_STEP_ERROR, HIDDEN_BY_NOISE = 3e-5, 30.0
 """Of a channel's spread, or of noise one in so many: what halving the steps may change. It is alike in all windows, so
 that they do not average it out: at a third of the noise an arm's viscous friction came out a third too high."""
-EXACT_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0)
-"""Times as long as its own, steps of a method of higher order that are tried (a model's own step of first order is off
-by a millimetre where stiff servos move light links, and hides all that encoders tell)."""
+EXACT_STEPS, FINER_STEPS = (8.0, 5.0, 4.0, 3.0, 2.0, 1.0), (0.5, 0.25)
+"""Times as long as its own, steps of a method of higher order that are tried; finer ones in models of few joints alone
+(a model's own step is off by a millimetre where stiff servos move light links, and hides all that encoders tell)."""
+FEW_JOINTS = (
+    2  # of a model whose steps may be as fine as what was measured asks: those of an arm are too dear
+)
 COST_OF_EXACT = 4.0  # steps of its own that such a step costs (Runge and Kutta's four stages)
-NEARLY = 3.0  # times the least error: as exact, where none are exact enough
+NEARLY = 5.0  # times the least error: as exact, where none are exact enough
 DRY_FINER = (1, 3, 6)  # times as many steps where dry friction acts, the first that will do
 
 
@@ -179,7 +182,9 @@ def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> t
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
     tolerated = _tolerated(problem)
     at = fit(problem, hypothesis.frozen(), rounds=ERROR_ITERATIONS)
-    exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
+    few_joints = len(problem.simulator.coordinates) <= FEW_JOINTS
+    shares = (*EXACT_STEPS, *FINER_STEPS) if few_joints else EXACT_STEPS
+    exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in shares})
     choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
 
     def off(simulator: Simulator, steps: int) -> float:
@@ -187,8 +192,9 @@ def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> t
         return float((numerical_error(tried, at) / tolerated)[problem.observed].max())
 
     least = off(exact, few[-1])
+    enough = 1.0 if least <= 1.0 else NEARLY * least
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
-        if off(simulator, steps) <= max(1.0, NEARLY * least):
+        if off(simulator, steps) <= enough:
             break
     return replace(problem, simulator=simulator, substeps=steps), least
 

@@ -27,6 +27,7 @@ from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 COMPLETION_ITERATIONS = 8  # of the fit of start states that a recording is completed with
+COMPLETED_DEARLY = 3  # the same, where each simulation is dear
 COMPLETED_GAIN = 0.05
 """That a round must gain where only start states are fitted, to complete a recording [nats a window]."""
 
@@ -69,7 +70,8 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
     if not hidden:
         return windows
     tolerance = COMPLETED_GAIN * len(windows)
-    found = fit(problem, hypothesis.frozen(), rounds=COMPLETION_ITERATIONS, tolerance=tolerance)
+    rounds = COMPLETION_ITERATIONS if closed(problem.simulator) is None else COMPLETED_DEARLY
+    found = fit(problem, hypothesis.frozen(), rounds=rounds, tolerance=tolerance)
     columns = [problem.simulator.state.index(name) for name in hidden]
     measured = np.array(windows.measured)
     said = predicted(problem, windows, found.hypothesis, starts=found.starts)

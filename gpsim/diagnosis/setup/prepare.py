@@ -14,6 +14,7 @@ import numpy as np
 from gpsim.channels import BoolArray, difference
 from gpsim.diagnosis.data import FEWEST_TRANSITIONS_OF_A_WINDOW, Windows, cut, held_out_mask, rebased, thinned
 from gpsim.diagnosis.fitting import (
+    FEW_JOINTS,
     TOLERATED_NOISE,
     TOLERATED_STEP_ERROR,
     USUAL_SUBSTEP,
@@ -55,12 +56,11 @@ MOST_USUAL_SUBSTEPS = 6  # substeps that this may ask for
 SLOW_STEP = 0.5  # transitions longer than this belong to systems for which seconds are no guide [s]
 TOLERATED_CHANGE = 3e-3  # of a channel's spread: what halving the substep may change
 SAMPLED_WINDOWS = 40  # windows on which the base simulator's numerical error and mismatch are measured
-SAMPLED_OF_A_ROBOT = 16  # the same, where each is dear
+SAMPLED_OF_A_ROBOT = 16  # the same, of a model of many joints
 
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
 DRY_WINDOWS = 12  # windows on which that is asked, of every joint
-DRY_JOINTS = 2  # of a model, at most, whose dry friction is stepped finely: the steps of an arm are too dear
 UNSTABLE = 10.0
 """Times as far apart that two simulations may be at a window's end that began slightly apart: on poles that fall longer
 windows lead fits into local minima; robots that are held stay below 7."""
@@ -258,7 +258,8 @@ def _fine_enough(problem: Problem) -> Problem:
 
 def _sample(problem: Problem) -> Problem:
     """The problem on a few windows, which show the base simulator's errors."""
-    most = SAMPLED_WINDOWS if closed(problem.simulator) is None else SAMPLED_OF_A_ROBOT
+    dear = closed(problem.simulator) is not None and len(problem.simulator.coordinates) > FEW_JOINTS
+    most = SAMPLED_OF_A_ROBOT if dear else SAMPLED_WINDOWS
     return problem.on(spread_out(problem.windows, most, problem.run.settings.windows.fewest))
 
 
@@ -311,7 +312,7 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
     None of a model of many joints, whose steps are too dear.
     """
     simulator = problem.simulator
-    if len(simulator.coordinates) > DRY_JOINTS:
+    if len(simulator.coordinates) > FEW_JOINTS:
         return {}
     rows = evenly(len(problem.windows), DRY_WINDOWS)
     some = problem.on(problem.windows.take(rows))
