@@ -92,12 +92,17 @@ OutModel = Annotated[
 ]
 
 
+AsUrdf = Annotated[
+    bool, typer.Option("--urdf", help="As URDF, too, beside it; what that cannot hold is listed.")
+]
+
+
 @export_app.command("model")
-def model_command(folder: Diagnosed, out: OutModel) -> None:
+def model_command(folder: Diagnosed, out: OutModel, urdf: AsUrdf = False) -> None:
     """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
     from gpsim.stages.export import export_corrected_model, told
 
-    made, notes = export_corrected_model(folder, out)
+    made, notes = export_corrected_model(folder, out, urdf)
     say(f"export: {out}")
     say_all(notes, "  ")
     answer({"diagnosis": folder, "export": out}, notes=notes, **told(made))

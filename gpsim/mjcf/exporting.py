@@ -23,6 +23,7 @@ from gpsim.mjcf.patching import Correction, Patch, patch_of
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.specs import asset_places, spec_of
 from gpsim.mjcf.surfaces import surface_names
+from gpsim.mjcf.urdf_out import urdf_of
 
 SCHEMA = "gpsim.patch/1"
 PATCH_FILE = "patch.json"
@@ -40,11 +41,12 @@ Said = Mapping[tuple[str, str], str]
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written. effects: where each went; difference: see `largest_difference`."""
+    """What was written. effects: where each went; difference: see `largest_difference`; lost: what no URDF holds."""
 
     files: Mapping[str, Path]
     effects: Sequence[Mapping[str, Any]]
     difference: float
+    lost: Sequence[str] = ()
 
     @property
     def wrapped(self) -> bool:
@@ -58,12 +60,14 @@ def export_model(
     source: Mapping[str, str],
     out: Path,
     moved: Mapping[Place, str] = MappingProxyType({}),
+    urdf: bool = False,
 ) -> Exported:
-    """Write OUT.xml, OUT.py, OUT.diff and patch.json; raises UsageError. Nothing is overwritten.
+    """Write OUT.xml, OUT.py, OUT.diff and patch.json, with `urdf` OUT.urdf, too; raises UsageError.
 
-    source: what patch.json says of where it is from; moved: of each place of the geometry its sentence.
+    Nothing is overwritten. source: what patch.json says of where it is from; moved: of each place of the geometry its
+    sentence.
     """
-    files, name = files_of(out), correction.simulator.name
+    files, name = files_of(out, urdf), correction.simulator.name
     patch, body = patch_of(correction), correction.simulator.body
     spec = spec_of(name)
     assets = asset_places(spec, out.resolve().parent)
@@ -81,18 +85,22 @@ def export_model(
     if names_of(found, out.name).state.names != body.names.state.names:
         raise UsageError(f"{name}: its joints come back in another order; name them all in the model")
     difference = largest_difference(wanted, found)
+    as_urdf, lost = urdf_of(found, out.stem) if urdf else ("", [])
     told = {"model": out.name, **patch.told}
     about = {
         "schema": SCHEMA, **source, "model": out.name, "wrapper": files["wrapper"].name,
         "control_step": correction.dt, "largest_difference": difference, "effects": effects,
         "geometry": [_moved(m, moved) for m in correction.simulator.geometry],
+        **({"not_in_urdf": lost} if urdf else {}),
     }  # fmt: skip
     with disk_errors(out, "--out"):
         files["model"].write_text(text, encoding="utf-8")
         files["wrapper"].write_text(wrapper(told), encoding="utf-8")
         files["diff"].write_text(_diff(before, text, name, out.name), encoding="utf-8")
+        if urdf:
+            files["urdf"].write_text(as_urdf, encoding="utf-8")
         write_json(files["patch"], about)
-    return Exported(files, effects, difference)
+    return Exported(files, effects, difference, lost)
 
 
 def _move(spec: Any, moves: Sequence[Change]) -> None:
@@ -113,7 +121,7 @@ def planned(correction: Correction, said: Said) -> list[dict[str, Any]]:
     return _account(patch, changes_of(body, patch.fields, patch.motors, correction.step), said, correction)
 
 
-def files_of(out: Path) -> dict[str, Path]:
+def files_of(out: Path, urdf: bool = False) -> dict[str, Path]:
     """The files that are made beside each other; raises UsageError where one is there already."""
     if out.suffix.lower() not in (".xml", ".mjcf"):
         raise UsageError(f"--out {out}: a corrected model is MJCF; name it robot_corrected.xml")
@@ -124,6 +132,7 @@ def files_of(out: Path) -> dict[str, Path]:
         "wrapper": out.with_suffix(".py"),
         "diff": out.with_suffix(".diff"),
         "patch": out.with_name(PATCH_FILE),
+        **({"urdf": out.with_suffix(".urdf")} if urdf else {}),
     }
     for path in files.values():
         if path.exists():

@@ -196,8 +196,10 @@ def _predicted(
     return one_step, run
 
 
-def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]]:
+def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple[Exported, list[str]]:
     """Write the corrected model of the diagnosis at `folder`; sentences about where each effect went.
+
+    urdf: as URDF, too.
 
     Raises UsageError, for a diagnosis of equations too: they have no model file.
     """
@@ -218,8 +220,9 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
         "simulator": plant.simulator.name,
         "verdict": found.verdict,
     }
-    made = export_model(correction, sentences(found.effects), source, out, moved_sentences(found.kinematics))
-    corrected = [*moved_sentences(found.kinematics).values()]
+    moved = moved_sentences(found.kinematics)
+    made = export_model(correction, sentences(found.effects), source, out, moved, urdf)
+    corrected = [*moved.values()]
     return made, [
         *_notes(made, plant.terms == () and not corrected),
         *(f"{said} -> model" for said in corrected),
@@ -240,10 +243,12 @@ def _notes(made: Exported, nothing: bool) -> list[str]:
         notes.append(
             f"the model alone lacks what the wrapper adds: drive it by Robot of {made.files['wrapper'].name}"
         )
+    notes += [f"not in the URDF: {line}" for line in made.lost]
     notes.append(f"read back: no number differs by more than {made.difference:.1g} of its field's largest")
     return notes
 
 
 def told(made: Exported) -> Json:
     """For --json: where each effect went, and how exactly the model comes back."""
-    return {"effects": [dict(effect) for effect in made.effects], "largest_difference": made.difference}
+    effects = [dict(effect) for effect in made.effects]
+    return {"effects": effects, "largest_difference": made.difference, "not_in_urdf": list(made.lost)}
