@@ -208,4 +208,3 @@ def _left_out(model: Any, lost: Lost) -> None:
     ground = [model.geom(int(g)).name or f"geom{g}" for g in np.flatnonzero(model.geom_bodyid == 0)]
     if ground:
         lost["what stands in the world"] = ground
-

@@ -160,9 +160,9 @@ def tracked(folder, dt):
     return prepare(recording, simulator, simulator.defaults())
 
 
-def test_a_stiff_servo_of_a_light_link_is_stepped_more_finely_than_the_model_says(made):
+def test_a_stiff_servo_of_a_light_link_is_stepped_more_exactly_than_the_model_says(made):
     problem = made(tracked, 0.01).searched
-    assert problem.substeps > problem.simulator.steps_of(0.01)
+    assert not problem.simulator.own_grid  # by a method of higher order
     assert problem.floor[0] < 1.5 * NOISE
 
 

@@ -25,7 +25,10 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("urdf")
     (folder / "arm.xml").write_text(ARM)
     simulator = load_mjcf(str(folder / "arm.xml"))
-    terms = (Term("viscous_friction", "yaw", {"damping": 0.07}), Term("parameter_offset", "tool.mass", {"ratio": 1.5}))
+    terms = (
+        Term("viscous_friction", "yaw", {"damping": 0.07}),
+        Term("parameter_offset", "tool.mass", {"ratio": 1.5}),
+    )
     correction = Correction(simulator, simulator.defaults({}), terms, 0.01, 10)
     exported = export_model(correction, {}, {}, folder / "out.xml", urdf=True)
     return exported, *(mujoco.MjModel.from_xml_path(str(exported.files[k])) for k in ("model", "urdf"))
@@ -60,5 +63,9 @@ def test_friction_and_limits_are_there(made):
 
 def test_what_urdf_cannot_hold_is_listed(made):
     lost = "\n".join(made[0].lost)
-    for what in ("armature): roll 0.002", "springs of joints: roll 0.1", "actuators, their gains and servos: m"):
+    for what in (
+        "armature): roll 0.002",
+        "springs of joints: roll 0.1",
+        "actuators, their gains and servos: m",
+    ):
         assert what in lost

@@ -5,7 +5,7 @@ That error is a part of the noise, or it would pass for physics: steps are chose
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -171,28 +171,37 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
     system = closed(problem.simulator)
     assert system is not None
     problem = replace(problem, substeps=system.steps_of(problem.dt))
-    best, off = _cheapest(problem, system, Hypothesis())
+    best, off = _cheapest(problem, system, Hypothesis(), ())
     if off > 1.0:
-        best, _ = _cheapest(problem, system, likely())
+        few = len(problem.simulator.coordinates) <= FEW_JOINTS
+        best, _ = _cheapest(problem, system, likely(), FINER_STEPS if few else ())
     return _with_slopes(best, system, likely())
 
 
-def _cheapest(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> tuple[Problem, float]:
-    """The steps that cost least of those exact enough, or nearly as exact as any; and what the best are off by."""
+def _cheapest(
+    problem: Problem, system: ClosedStep, hypothesis: Hypothesis, finer: Sequence[float]
+) -> tuple[Problem, float]:
+    """The steps that cost least of those exact enough, or nearly as exact as any; and what the best are off by.
+
+    finer: times as long as its own, steps that are taken only if they are exact enough and no longer ones are.
+    """
     own, fewest = problem.substeps, int(np.ceil(problem.dt / USUAL_SUBSTEP))
     tolerated = _tolerated(problem)
     at = fit(problem, hypothesis.frozen(), rounds=ERROR_ITERATIONS)
-    few_joints = len(problem.simulator.coordinates) <= FEW_JOINTS
-    shares = (*EXACT_STEPS, *FINER_STEPS) if few_joints else EXACT_STEPS
-    exact, few = system.exact(), sorted({max(fewest, int(np.ceil(own / times))) for times in shares})
-    choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
+    exact = system.exact()
 
     def off(simulator: Simulator, steps: int) -> float:
         tried = replace(problem, simulator=simulator, substeps=steps)
         return float((numerical_error(tried, at) / tolerated)[problem.observed].max())
 
+    few = sorted({max(fewest, int(np.ceil(own / times))) for times in EXACT_STEPS})
     least = off(exact, few[-1])
+
+    for steps in (round(own / times) for times in finer if least > NEARLY):
+        if (found := off(exact, steps)) <= 1.0:
+            return replace(problem, simulator=exact, substeps=steps), found
     enough = 1.0 if least <= 1.0 else NEARLY * least
+    choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         if off(simulator, steps) <= enough:
             break
