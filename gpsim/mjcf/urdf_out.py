@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 from xml.etree import ElementTree
@@ -116,7 +117,10 @@ def _joint(
 
 
 def _origin(place: FloatArray, turn: Rotation) -> ElementTree.Element:
-    return ElementTree.Element("origin", xyz=_text(place), rpy=_text(turn.as_euler("xyz")))
+    with warnings.catch_warnings():  # a quarter turn of pitch has many rolls and yaws, of which one is enough
+        warnings.simplefilter("ignore", UserWarning)
+        angles = turn.as_euler("xyz")
+    return ElementTree.Element("origin", xyz=_text(place), rpy=_text(angles))
 
 
 def _text(values: FloatArray) -> str:
@@ -137,7 +141,9 @@ def _limits(model: Any, joint: int, kind: str, axis: FloatArray, made: ElementTr
 
 
 def _effort(model: Any, joint: int) -> float:
-    """The most that the actuators of a joint give it, as far as they say so."""
+    """The most that the actuators of a joint give it, as far as it or they say so."""
+    if model.jnt_actfrclimited[joint]:
+        return float(np.abs(model.jnt_actfrcrange[joint]).max())
     transmission = mujoco().mjtTrn.mjTRN_JOINT
     mine = (model.actuator_trntype == transmission) & (model.actuator_trnid[:, 0] == joint)
     limited = mine & (model.actuator_forcelimited != 0)

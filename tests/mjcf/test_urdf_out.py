@@ -59,6 +59,7 @@ def test_friction_and_limits_are_there(made):
     np.testing.assert_allclose(back.dof_damping, model.dof_damping)
     np.testing.assert_allclose(back.dof_frictionloss, model.dof_frictionloss)
     assert tuple(back.joint("pitch").range) == (-1.5, 1.5)
+    assert tuple(back.jnt_actfrcrange[back.joint("pitch").id]) == (-6.0, 6.0)  # 3 N m through a gear of 2
 
 
 def test_what_urdf_cannot_hold_is_listed(made):
