@@ -55,7 +55,7 @@ def _body(model: Any, body: int, lost: Lost) -> Iterator[ElementTree.Element]:
         anchor = np.zeros(3) if kind in ("floating", "prismatic") else model.jnt_pos[joint] - at
         child = called if joint == joints[-1] else f"{called}_{joint - first}"
         reference = float(model.qpos0[model.jnt_qposadr[joint]])
-        place, turn = place + turn.apply(anchor), turn
+        place = place + turn.apply(anchor)
         if kind == "ball":
             lost.setdefault("ball joints, which are fixed", []).append(model.joint(joint).name)
             kind = "fixed"
