@@ -99,10 +99,11 @@ class ForceEffect(Effect):
         return type(self).grip is not ForceEffect.grip or type(self).dry_law is not None
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
-        """Every coordinate; those of which it is known what drives them, where that is the load."""
+        """Every coordinate, and where the simulator says; those known to be driven, where that is the load."""
         if self.loaded_by_command:
             return (*simulator.driven().values(), *simulator.served)
-        return tuple(coordinate.name for coordinate in simulator.coordinates)
+        every = tuple(coordinate.name for coordinate in simulator.coordinates)
+        return (*every, *simulator.model_places.get(self.family, ()))
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """(B,) the smooth force on the coordinate; None when there is none."""

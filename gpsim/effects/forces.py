@@ -75,12 +75,12 @@ class Forces:
 
     @cached_property
     def _effects(self) -> list[tuple[int, ForceEffect, int]]:
-        """Index of the term, its effect, its coordinate."""
+        """Index of the term, its effect, its coordinate; of none are places of a body that floats."""
         names = [c.name for c in self.simulator.coordinates]
         return [
             (i, term.effect, names.index(term.on))
             for i, term in enumerate(self.terms)
-            if isinstance(term.effect, ForceEffect)
+            if isinstance(term.effect, ForceEffect) and term.on in names
         ]
 
     @cached_property

@@ -118,6 +118,11 @@ def _turning(quat: FloatArray, omega: FloatArray) -> FloatArray:
     return np.asarray(0.5 * np.stack(slopes, axis=1))
 
 
+def turned_by(quat: FloatArray, slope: FloatArray) -> FloatArray:
+    """(K, 3) rad/s of their own frame by which quaternions (K, 4) turn that change by slope (K, 4) a second."""
+    return 2.0 * _times(quat * [1.0, -1.0, -1.0, -1.0], slope)[:, 1:]
+
+
 def _times(a: FloatArray, b: FloatArray) -> FloatArray:
     """(..., 4): Hamilton's product of quaternions, real part first."""
     (w, x, y, z), (s, i, j, k) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)

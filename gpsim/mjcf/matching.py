@@ -19,8 +19,8 @@ OFF_LENGTH = (
 
 def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     """The recording as the model names things; raises UsageError for what the log lacks."""
-    speeds = {c.velocity for c in simulator.coordinates}
-    wanted = [c for c in simulator.state if c.name in recording.state.names or c.name not in speeds]
+    known = recording.state.names
+    wanted = [c for c in simulator.state if c.name in known or c.name not in simulator.velocities]
     _all_there(recording, simulator, [c.name for c in wanted])
     columns = [recording.state.index(c.name) for c in wanted]
     state = Channels(

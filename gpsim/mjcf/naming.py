@@ -1,8 +1,10 @@
 """What a MuJoCo model's joints, actuators and bodies are called as channels, actions and parameters.
 
 A hinge or slide joint NAME is the channel NAME with the velocity NAME_dot; a free joint has its pose NAME.x .y .z
-.qw .qx .qy .qz and its twist NAME.vx .vy .vz .wx .wy .wz (MuJoCo's: linear in the world, angular in the body). What
-has no name is joint0, actuator0, body0 by its number.
+.qw .qx .qy .qz and its twist NAME.vx .vy .vz .wx .wy .wz (MuJoCo's: linear in the world, angular in the body); what
+acts along or about the axes of its body is at NAME.surge .sway .heave .roll .pitch .yaw (SNAME 1950, Technical and
+Research Bulletin 1-5), along those of the world at NAME.x .y .z. What has no name is joint0, actuator0, body0 by its
+number.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from gpsim.simulators import Coordinate
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
+MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 POSE_UNITS = ("m", "m", "m", "1", "1", "1", "1")
 TWIST_UNITS = ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
 ACC_UNITS = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2")
@@ -43,6 +46,19 @@ class Names:
     bodies: tuple[str, ...]
     free: tuple[str, ...]
     drives: Mapping[str, str]
+
+    def afloat(self, place: str) -> tuple[str, int] | None:
+        """Of a place at a free joint the joint and its degree of freedom, 0 to 5; None of any other place."""
+        joint, _, axis = place.rpartition(".")
+        where = MOTIONS if axis in MOTIONS else POSE[:3]
+        return (joint, where.index(axis)) if joint in self.free and axis in where else None
+
+    def dof(self, place: str) -> int:
+        """The degree of freedom of a coordinate, or of a place at a free joint: in the world for the first three."""
+        if (free := self.afloat(place)) is not None:
+            twist = self.state.names.index(f"{free[0]}.{TWIST[free[1]]}")
+            return self.velocities[twist]
+        return self.dofs[[c.name for c in self.coordinates].index(place)]
 
 
 def names_of(model: Any, where: str) -> Names:
@@ -84,10 +100,8 @@ def names_of(model: Any, where: str) -> Names:
         coordinates.append(Coordinate(name, f"{name}_dot", f"{name}_acc", force, damped, grips))
         dofs.append(v)
         joints.append(j)
-    if not coordinates:
-        raise UsageError(
-            f"{where}: it has no hinge and no slide joint: nothing whose physics could be missing"
-        )
+    if not coordinates and not free:
+        raise UsageError(f"{where}: it has no joint: nothing whose physics could be missing")
     actions = [Channel(_called(model, "actuator", i), _command_unit(model, i)) for i in range(model.nu)]
     both = {c.name for c in actions} & {c.name for c, _, _ in state}
     if both:

@@ -14,6 +14,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects import Term, Values
 from gpsim.mjcf.body import Body
+from gpsim.mjcf.naming import MOTIONS
 
 FORCE = "qfrc_applied"
 """No field of the model, but an input that stays: the generalised force on every degree of freedom."""
@@ -64,19 +65,15 @@ class Native:
     write: Callable[[Fields, Body, str, Values, FloatArray], None]
 
 
-def native_of(term: Term) -> Native | None:
-    """How MuJoCo says a term; None where it has no field for it."""
-    return NATIVE.get(term.family) if term.variant == "" else None
+def native_of(term: Term, body: Body) -> Native | None:
+    """How MuJoCo says a term; None where it has no field for it, as along the axes of a body that floats."""
+    along = body.names.afloat(term.on) is not None and term.on.endswith(tuple(f".{m}" for m in MOTIONS[:3]))
+    return NATIVE.get(term.family) if term.variant == "" and not along else None
 
 
 def parameter_fields(body: Body, name: str) -> tuple[str, ...]:
     """The fields that a parameter of the model changes."""
     return body.knobs[name].fields
-
-
-def _dof(body: Body, joint: str) -> int:
-    names = [c.name for c in body.names.coordinates]
-    return body.names.dofs[names.index(joint)]
 
 
 def _joint(body: Body, joint: str) -> int:
@@ -94,16 +91,16 @@ def add_friction(fields: Fields, dof: int, force: FloatArray) -> None:
 
 
 def _coulomb(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    add_friction(fields, _dof(body, on), share * values["force"])
+    add_friction(fields, body.names.dof(on), share * values["force"])
 
 
 def _viscous(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    damping, dof = fields["dof_damping"], _dof(body, on)
+    damping, dof = fields["dof_damping"], body.names.dof(on)
     damping[:, dof] = np.maximum(damping[:, dof] + share * values["damping"], 0.0)
 
 
 def _drag(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields["dof_dampingpoly"][:, _dof(body, on), 0] += share * values["drag"]
+    fields["dof_dampingpoly"][:, body.names.dof(on), 0] += share * values["drag"]
 
 
 def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
@@ -121,11 +118,11 @@ def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArr
 
 
 def _constant(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields[FORCE][:, _dof(body, on)] += share * values["force"]
+    fields[FORCE][:, body.names.dof(on)] += share * values["force"]
 
 
 def _armature(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields["dof_armature"][:, _dof(body, on)] += share * values["inertia"]
+    fields["dof_armature"][:, body.names.dof(on)] += share * values["inertia"]
 
 
 def _tilt(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:

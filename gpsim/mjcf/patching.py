@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects import RISE, ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
+from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.commanding import Motor, motors_of
 from gpsim.mjcf.native import FORCE, Fields, native_of
@@ -19,6 +20,8 @@ from gpsim.mjcf.stepping import Plan
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
 GRIPS = ("coulomb_friction", "stribeck_friction", "load_friction", "local_friction_patch", "force_curve")
 """Laws of dry friction that the wrapper knows."""
+DRAGS = ("viscous_friction", "quadratic_drag")
+"""Laws along a floating body's own axes that the wrapper knows."""
 READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_lag", "sensor_curve", "joint_offset")
 """Laws of sensors that the wrapper knows."""
 
@@ -70,7 +73,7 @@ def patch_of(correction: Correction) -> Patch:
     values = [{k: np.array([v]) for k, v in t.values.items()} for t in correction.terms]
     fields = Fields(body, 1, np.array([correction.step]), {})
     plan.believed(fields)
-    plan.write([i for i in plan.lasting if not _is_force(correction.terms[i])], fields, values, {})
+    plan.write([i for i in plan.lasting if not _is_force(correction.terms[i], body)], fields, values, {})
     motors, commands, went = motors_of(body, simulator.action.names, correction.terms, correction.step)
     patch = Patch(fields, motors, {}, [])
     for term, where, why in went:
@@ -83,6 +86,7 @@ def patch_of(correction: Correction) -> Patch:
         "commands": commands,
         "laws": [],
         "forces": [],
+        "drags": [],
         "changes": [],
         "sensors": [],
     }
@@ -108,7 +112,7 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
         told["sensors"].append({"family": term.family, "channel": term.on, "values": _numbers(term)})
         where: Where = "attribute and wrapper" if elements else "wrapper"
         patch.went.append(Went(term, where, "MJCF's sensors have no such fault", elements))
-    elif i in plan.lasting and not _is_force(term):
+    elif i in plan.lasting and not _is_force(term, plan.body):
         patch.went.append(Went(term, "attribute", "", _elements(plan.body, _moved(plan, i, values))))
     elif (
         isinstance(effect, ForceEffect)
@@ -124,6 +128,11 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
     elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
         told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})
         patch.went.append(Went(term, "wrapper", "MJCF has no force of such a form"))
+    elif term.family in DRAGS and (axis := Axis.of(term.on, plan.body.names, plan.body.names.state)):
+        (orientation, *_), (dof, *_) = (plan.body.names.positions[c] for c in axis.orientation), axis.dofs
+        size = {"damping": 0.0, "drag": 0.0, **_numbers(term)}
+        told["drags"].append({"dof": dof, "orientation": orientation, "axis": axis.axis, **size})
+        patch.went.append(Went(term, "wrapper", "MJCF has no drag along an axis of its own body"))
     elif plan.acts_on_state(i) or effect.site == "rate":
         patch.went.append(Went(term, "left out", "neither MJCF nor the wrapper knows this law"))
     else:
@@ -132,9 +141,9 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
         patch.went.append(Went(term, "wrapper", why))
 
 
-def _is_force(term: Term) -> bool:
+def _is_force(term: Term, body: Body) -> bool:
     """Whether a term is written as an input, not as an attribute."""
-    native = native_of(term)
+    native = native_of(term, body)
     return native is not None and FORCE in native.fields
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gpsim.mjcf.body import Body
-from gpsim.mjcf.naming import servoed
+from gpsim.mjcf.naming import MOTIONS, POSE, servoed
 from gpsim.simulators import ModelPlace
 
 CARRIES = 0.5  # kg, a payload on a body that weighs next to nothing
@@ -48,13 +48,30 @@ def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mappin
         for name, j, _ in of_joint
         if name in states
     }
+    along, pushed = _afloat(body, MOTIONS), _afloat(body, (*POSE[:3], *MOTIONS[3:]))
     return {
+        "viscous_friction": along,
+        "quadratic_drag": along,
+        "constant_force": pushed,
         "payload": payload,
         "armature": armature,
         "gravity_tilt": tilt,
         "gravity_compensation": held,
         "joint_offset": offset,
     }
+
+
+def _afloat(body: Body, axes: Sequence[str]) -> dict[str, ModelPlace]:
+    """Axes of every free joint, with its mass or its moment of inertia and all that hangs on it."""
+    out, model, names = {}, body.base, body.names
+    for joint in names.free:
+        first = names.dof(f"{joint}.x")
+        for axis in axes:
+            dof = names.dof(f"{joint}.{axis}")
+            half = first if dof < first + 3 else first + 3
+            unit, rates = "N" if half == first else "N m", names.rate.names[half : half + 3]
+            out[f"{joint}.{axis}"] = ModelPlace(unit, float(model.dof_M0[dof]), afloat=rates)
+    return out
 
 
 def _all_driven(body: Body) -> bool:

@@ -44,7 +44,7 @@ class Robot:
         joints = [self.model.joint(force["joint"]) for force in PATCH["forces"]]
         self._forces = [(j.dofadr[0], j.qposadr[0], f) for j, f in zip(joints, PATCH["forces"], strict=True)]
         fields = {change["field"] for change in PATCH["changes"]} | {"dof_frictionloss"}
-        fields |= {"qfrc_applied"} if self._forces else set()
+        fields |= {"qfrc_applied"} if self._forces or PATCH["drags"] else set()
         self._was = {name: np.array(self._field(name)) for name in fields}
         self.reset()
 
@@ -151,6 +151,13 @@ class Robot:
         for dof, place, force in self._forces:
             x = begin["qpos"][place] if force["of"] == "position" else begin["qvel"][dof]
             now["qfrc_applied"][dof] += _curve(float(x), force["values"])
+        for drag in PATCH["drags"]:
+            first, turn = drag["dof"], np.empty(9)
+            mujoco.mju_quat2Mat(turn, begin["qpos"][drag["orientation"] : drag["orientation"] + 4])
+            along = turn.reshape(3, 3)[:, drag["axis"]]
+            speed = along @ begin["qvel"][first : first + 3]
+            size = drag["damping"] + drag["drag"] * abs(speed)
+            now["qfrc_applied"][first : first + 3] -= size * speed * along
         for change in PATCH["changes"]:
             now[change["field"]][tuple(change["index"])] += change["add"] * _share(
                 change["region"], begin, end

@@ -159,7 +159,7 @@ class Rolling:
         ahead = self.layout.ahead(at.state, at.step)
         shares = shares_of(plan, self.channels, at, ahead, values)
         plan.write([i for i in plan.passing if not plan.acts_on_state(i)], now, values, shares)
-        write_laws(plan, now, self.columns, at, values, shares, {**lasting, **now})
+        write_laws(plan, now, self.channels, self.columns, at, values, shares, {**lasting, **now})
         pool.simulations.bind(FORCE)[:count] = now[FORCE]
         pool.write_some({n: now[n] for n in plan.moving_fields}, count)
 
@@ -195,7 +195,7 @@ class Rolling:
             moment = Moment(at, commands[:, k], when, np.zeros(len(at)))
             shares = shares_of(plan, self.channels, moment, at, values)
             plan.write([i for i in plan.passing if not plan.acts_on_state(i)], fields, values, shares)
-            write_laws(plan, fields, self.columns, moment, values, shares, fields.own)
+            write_laws(plan, fields, self.channels, self.columns, moment, values, shares, fields.own)
             return self.layout.slope(at, self.forward(plan, fields, at, commands[:, k])[0])
 
         for k in range(commands.shape[1]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, ClassVar
 
@@ -12,13 +12,15 @@ import numpy as np
 from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
+from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.geometry import Moved
-from gpsim.mjcf.layout import Layout
+from gpsim.mjcf.layout import Layout, turned_by
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus
 from gpsim.mjcf.motors import given
+from gpsim.mjcf.naming import POSE, TWIST
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.places import places_of
 from gpsim.mjcf.rolling import Rolling
@@ -70,6 +72,7 @@ class MjcfSimulator(Simulator):
         self.coordinates = tuple(names.coordinates[i] for i in own)  # type: ignore[misc]
         self.own_step = self._body.own_step
         self.as_measured = tuple(n for n in self.state.names if n.rpartition(".")[0] in names.free)
+        self.settled = tuple(f"{joint}.{POSE[3]}" for joint in names.free)
         self._dofs = [names.dofs[i] for i in own]
         self.model_places = places_of(self._body, [self.state.names, [c.name for c in self.coordinates]])
         self._layout = Layout.of(self._body, self.state, self._fixed)
@@ -251,6 +254,31 @@ class MjcfSimulator(Simulator):
             touched = [pool.simulations.bind(name)[: len(acc)].reshape(-1) for name in ("ncon", "nl")]
             found.append(np.add(*touched) > 0)
         return np.concatenate(found) if found else np.empty(0, dtype=np.bool_)
+
+    def speed(self, on: str, state: FloatArray) -> FloatArray:
+        """(B,) m/s or rad/s along or about an axis of a body that floats."""
+        axis = Axis.of(on, self._body.names, self.state)
+        assert axis is not None, on
+        return axis.speed(state)
+
+    @property
+    def velocities(self) -> frozenset[str]:
+        """Those of its coordinates and of free joints."""
+        twists = (f"{joint}.{part}" for joint in self._body.names.free for part in TWIST)
+        return super().velocities | frozenset(twists)
+
+    def followed(
+        self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray | None:
+        """(K,) a free joint's velocity by the slope of its place, or of its orientation, where they were recorded."""
+        joint, _, part = name.rpartition(".")
+        needed = [f"{joint}.{p}" for p in ((part[1:],) if part in TWIST[:3] else POSE[3:])]
+        if joint not in self._body.names.free or part not in TWIST or not set(needed) <= set(columns):
+            return None
+        if part in TWIST[:3]:
+            return slope(columns[needed[0]])
+        quat = np.stack([columns[n] for n in needed], axis=1)
+        return turned_by(quat, np.stack([slope(q) for q in quat.T], axis=1))[:, TWIST.index(part) - 3]
 
     @property
     def floating(self) -> frozenset[str]:

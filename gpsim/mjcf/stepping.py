@@ -11,6 +11,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects import ForceEffect, ParameterEffect, RateEffect, Term, Values
 from gpsim.errors import UsageError
+from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.motors import given
 from gpsim.mjcf.native import FORCE, FRICTION, Fields, add_friction, native_of, parameter_fields
@@ -38,7 +39,7 @@ class Plan:
     @cached_property
     def passing(self) -> list[int]:
         """Indices of terms that are written at every substep."""
-        acts = [i for i, t in enumerate(self.terms) if t.effect.site not in PASSED_ON or native_of(t)]
+        acts = [i for i, t in enumerate(self.terms) if t.effect.site not in PASSED_ON or native_of(t, self.body)]
         return [i for i in acts if i not in self.lasting]
 
     @cached_property
@@ -63,7 +64,7 @@ class Plan:
         whole = np.ones(fields.count)
         for i in which:
             term, share = self.terms[i], shares.get(i, whole)
-            native = native_of(term)
+            native = native_of(term, self.body)
             if native is not None:
                 native.write(fields, self.body, term.on, values[i], share)
             elif isinstance(term.effect, ParameterEffect):
@@ -82,7 +83,7 @@ class Plan:
 
     def acts_on_state(self, i: int) -> bool:
         """Whether a term's force has to be worked out from where the system is."""
-        return native_of(self.terms[i]) is None and isinstance(self.terms[i].effect, ForceEffect)
+        return native_of(self.terms[i], self.body) is None and isinstance(self.terms[i].effect, ForceEffect)
 
     @cached_property
     def _other(self) -> list[str]:
@@ -91,10 +92,10 @@ class Plan:
         return [n for n, v in self.parameters.items() if n in declared and v != declared[n].default]
 
     def _written(self, term: Term) -> bool:
-        return native_of(term) is not None or isinstance(term.effect, ParameterEffect)
+        return native_of(term, self.body) is not None or isinstance(term.effect, ParameterEffect)
 
     def _fields_of(self, term: Term) -> tuple[str, ...]:
-        native, effect = native_of(term), term.effect
+        native, effect = native_of(term, self.body), term.effect
         if native is not None:
             return native.fields
         if isinstance(effect, ParameterEffect):
@@ -138,6 +139,7 @@ def shares_of(
 def write_laws(
     plan: Plan,
     fields: Fields,
+    channels: Channels,
     columns: Mapping[str, tuple[int, int, int]],
     at: Moment,
     values: Sequence[Values],
@@ -155,6 +157,11 @@ def write_laws(
         effect = term.effect
         assert isinstance(effect, ForceEffect)
         for on in term.places:
+            if (axis := Axis.of(on, plan.body.names, channels)) is not None:
+                force = effect.force(at.t, axis.speed(at.state), values[i])
+                assert force is not None, term.family
+                fields[FORCE][:, axis.dofs] += (share * force)[:, None] * axis.direction(at.state)
+                continue
             position, velocity, dof = columns[on]
             where, speed = at.state[:, position], at.state[:, velocity]
             force = effect.force(where, speed, values[i])

@@ -53,6 +53,7 @@ class ModelPlace:
     """Where a family acts that only some simulators know: unit and typical size of what it changes, a length there [m].
 
     least: by how much less than believed it may be; centre: of a body, in its frame; steers: does a servo go by it?
+    afloat: the rates that say how a body that floats is moved there; its size is then its mass or moment of inertia.
     """
 
     unit: str
@@ -61,6 +62,7 @@ class ModelPlace:
     least: float = 0.0
     centre: tuple[float, ...] = ()
     steers: bool = False
+    afloat: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,7 @@ class Simulator(ABC):
     )  # a guess for every state channel that may go unmeasured
     guesses_speeds: bool = False  # may velocities go unmeasured without one?
     as_measured: tuple[str, ...] = ()  # states of which no effect is asked
+    settled: tuple[str, ...] = ()  # states that others settle: a quaternion's real part, its length being 1
     model_places: Mapping[str, Mapping[str, ModelPlace]] = MappingProxyType(
         {}
     )  # of families that few simulators know
@@ -172,6 +175,19 @@ class Simulator(ABC):
 
     def touching(self, state: FloatArray) -> BoolArray | None:
         """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
+        return None
+
+    def speed(self, on: str, state: FloatArray) -> FloatArray:
+        """(B,) along or about an axis of a body that floats, as `model_places` names it, in states (B, S)."""
+        raise UsageError(f"simulator {self.name}: no body floats at {on}")
+
+    @property
+    def velocities(self) -> frozenset[str]:
+        """State channels that are velocities of others, from which they follow."""
+        return frozenset(c.velocity for c in self.coordinates)
+
+    def followed(self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]) -> FloatArray | None:
+        """(K,) a velocity that is no coordinate's, from recorded `columns`, by a slope of paths (K,); else None."""
         return None
 
     @property

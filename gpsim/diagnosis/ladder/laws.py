@@ -60,6 +60,18 @@ USUAL: Mapping[str, Mapping[str, str]] = {
         "actuator_delay": "buses are late, all commands alike",
         "payload": "somebody mounted something",
     },
+    "floating": {
+        "viscous_friction": "propellers and hulls resist slow motion in proportion; joints are lubricated",
+        "quadratic_drag": "frames and hulls meet a fluid",
+        "constant_force": "wind and currents push, and nothing is quite in trim",
+        "actuator_gain": "a thrust constant is from a data sheet, at another voltage",
+        "actuator_lag": "rotors take their time to spin up",
+        "actuator_delay": "radios and buses are late",
+        "parameter_offset": "batteries and payload are weighed apart from the frame, inertia is a guess",
+        "coulomb_friction": "gears mesh dry",
+        "armature": "rotors behind gears weigh more than what they move",
+        "payload": "somebody mounted something",
+    },
     "first order": {
         "parameter_offset": "coefficients of a reduced model are guesses",
         "actuator_gain": "a pump's constant is from a data sheet",
@@ -201,7 +213,7 @@ def kind_of(simulator: Simulator) -> str:
     if {"v", "v_lateral", "w"} <= set(simulator.rate.names):
         return "vehicle"
     if closed(simulator) is not None:
-        return "robot"
+        return "floating" if simulator.velocities != {c.velocity for c in simulator.coordinates} else "robot"
     return "coordinate" if simulator.coordinates else "first order"
 
 

@@ -299,10 +299,10 @@ def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
 def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str]) -> BoolArray:
     """(S,) what was measured.
 
-    Differentiated velocities carry the smoothing's errors and no news: positions are observed only.
+    Differentiated velocities carry the smoothing's errors and no news: positions are observed only. What others settle
+    is no news, either.
     """
-    velocities = {coordinate.velocity for coordinate in simulator.coordinates}
-    unseen = {*hidden, *(velocities if recording.velocities == "differentiated" else ())}
+    unseen = {*hidden, *simulator.settled, *(simulator.velocities if recording.velocities == "differentiated" else ())}
     return np.array([name not in unseen for name in simulator.state.names])
 
 

@@ -84,8 +84,7 @@ def look(recording: Recording, simulator: Simulator) -> Sight:
     constant = _constant(shown)
     still = all(name in constant for name in recording.state.names)  # a recording that is refused later
     held = [] if still else _held(simulator, recording.state.names, constant)
-    speeds = {c.velocity for c in simulator.coordinates}
-    fixed = {n: 0.0 if n in speeds else constant.get(n, 0.0) for n in (*dropped, *held)}
+    fixed = {n: 0.0 if n in simulator.velocities else constant.get(n, 0.0) for n in (*dropped, *held)}
     of_held = [c.name for c in simulator.coordinates if c.name in held]
     return Sight(
         reduced(simulator, fixed, of_held),
@@ -194,6 +193,9 @@ def guess(name: str, episode: Episode, recording: Recording, simulator: Simulato
         return episode.states[:, names.index(name)]
     if name in simulator.start:
         return np.full(len(episode.t), simulator.start[name])
+    columns = dict(zip(names, episode.states.T, strict=True))
+    if (followed := simulator.followed(name, columns, lambda path: speed_of(path, episode.t))) is not None:
+        return followed
     for coordinate in simulator.coordinates:
         if name == coordinate.velocity and coordinate.name in names and len(episode) > 0:
             position = episode.states[:, names.index(coordinate.name)]

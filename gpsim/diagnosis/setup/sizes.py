@@ -19,7 +19,7 @@ from gpsim.diagnosis.data import integral
 from gpsim.diagnosis.setup.log_facts import stands, unread
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, Transitions, evenly
-from gpsim.simulators import Simulator
+from gpsim.simulators import ModelPlace, Simulator
 
 ROWS_OF_SIZES = 4000  # transitions that sizes are taken from, at most
 TYPICAL_QUANTILE = 0.95  # quantile of a channel's sizes that is its typical one
@@ -87,7 +87,7 @@ class Sizes:
 
     def place(self, effect: Effect, on: str) -> Place:
         """The place `on` of an effect's site."""
-        if effect.site == "force":
+        if effect.site == "force" and on in self._joints:
             return self._joints[on]
         if effect.site == "actuator":
             return self._actions[on]
@@ -96,6 +96,8 @@ class Sizes:
         if effect.site == "parameter" and on in self._simulator.parameters:
             return self._of_parameter(on)
         if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
+            if there.afloat:
+                return self._of_axis(on, there)
             size = there.size
             if effect.family == "armature":
                 size = max(size, REFLECTED * self._resists[on])
@@ -105,10 +107,20 @@ class Sizes:
             )
         return Place(on, "1", dt=self._dt)
 
+    def _of_axis(self, on: str, there: ModelPlace) -> Place:
+        """Of a body that floats: how it is moved, and is thought to be, in whatever direction."""
+        columns = [self._simulator.rate.index(name) for name in there.afloat]
+        moved = [float(np.sqrt(np.mean((r[:, columns] ** 2).sum(axis=1)))) for r in self._rates]
+        length = "m" if there.unit == "N" else "rad"
+        span, speed = there.size * max(*moved, TINY), self._simulator.speed(on, self._states)
+        typical = _typical(np.abs(speed), TYPICAL_QUANTILE)
+        return Place(on, there.unit, length=length, span=span, speed=typical, dt=self._dt)
+
     def _of_joints(self, rows: Transitions) -> dict[str, Place]:
         simulator, parameters = self._simulator, self._parameters
         rates = simulator.rates(rows.states, rows.actions, parameters)
         measured = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
+        self._states, self._rates = rows.states, (rates, measured)
         loaded = set(simulator.normal_force(rows.states, rates, parameters))
         means, deviations = rows.states.mean(axis=0), rows.states.std(axis=0)
         out: dict[str, Place] = {}
