@@ -60,7 +60,7 @@ def bill(laws: Sequence[Law], effective: float, per_law: float) -> float:
 
 def price(law: Law, effective: float, per_law: float) -> float:
     """Nats that one law must bring; what every joint of a robot has costs one (Akaike 1974)."""
-    if law.owned and law.usual:
+    if law.of_row:
         return 1.0
     return (
         float(0.5 * law.parameters * np.log(max(effective, 2.0))) + (0.0 if law.free else per_law) + law.price
@@ -104,8 +104,13 @@ class Quadratic:
             z -= self._inverse[:, at] @ np.linalg.lstsq(block, z[at], rcond=1e-12)[0]
         return z
 
-    def taken_away(self, prices: Sequence[float], kept: Sequence[bool]) -> list[Less]:
-        """The laws that cost less than their prices, one by one, the cheapest against its price first."""
+    def taken_away(
+        self, prices: Sequence[float], kept: Sequence[bool], first: int | None = None
+    ) -> list[Less]:
+        """The laws that cost less than their prices, one by one, the cheapest against its price first.
+
+        first: one that goes before them.
+        """
         account, h = self.account, self.account.fit.information
         rows = account.rows
         z, left, gone = account.fit.z.copy(), [i for i in range(len(rows)) if not kept[i]], list[Less]()
@@ -123,7 +128,7 @@ class Quadratic:
             for i in left:
                 own = np.array([place[int(k)] for k in account.sizes(i)])
                 costs[i] = self._cost(own, z[at], inverse)
-            best = min(left, key=lambda i: costs[i] - prices[i])
+            best = first if first in left else min(left, key=lambda i: costs[i] - prices[i])
             if costs[best] > prices[best]:
                 break
             own = np.array([place[int(k)] for k in account.sizes(best)])

@@ -102,6 +102,8 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
     search.usual(sized)
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    if search.dear:
+        search.through_gauges()
     search.eliminate()
     return search
 

@@ -117,7 +117,7 @@ class Law:
 
     starts: values of all its parameters from which it is looked for where it has no slope at nothing, else none.
     free: the user requires it, and it costs nothing but its parameters. gate: where it acts. owned: whether its
-    simulator owns its integration.
+    simulator owns its integration; of_row: whether it is one of many that all joints of a robot have.
     """
 
     candidate: Candidate
@@ -128,6 +128,7 @@ class Law:
     free: bool = False
     gate: Gate = field(default_factory=Gate)
     owned: bool = False
+    of_row: bool = False
 
     @property
     def key(self) -> tuple[str, str, str]:
@@ -197,11 +198,9 @@ def laws_of(
     simulator: Simulator, offers: Sequence[Candidate], numbers: LawSettings, known: Known
 ) -> list[Law]:
     """The laws on offer, the usual ones first; what the user requires costs nothing."""
-    usual = USUAL[kind_of(simulator)]
-    owned = closed(simulator) is not None
-    out = [
-        replace(_law(_as_fitted(c), usual, numbers, known), owned=owned) for c in offers if not c.only_gated
-    ]
+    kind, owned = kind_of(simulator), closed(simulator) is not None
+    found = [_law(_as_fitted(c), USUAL[kind], numbers, known) for c in offers if not c.only_gated]
+    out = [replace(law, owned=owned, of_row=law.usual and kind == "robot") for law in found]
     return sorted(out, key=lambda law: (not law.usual, effect_of(law.candidate.family).site != "parameter"))
 
 

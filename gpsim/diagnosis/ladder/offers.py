@@ -48,7 +48,7 @@ class Offers:
         kept = np.delete(np.arange(self.slopes.by_theta.shape[2]), gone)
         slopes = Slopes(r, self.slopes.by_theta[:, :, kept], self.slopes.by_start)
         here = {
-            o.key: self._started(o, part)
+            o.key: self._started([o], part)
             for o in laws
             if not o.has_slope and o.candidate.place.on == of.candidate.place.on
         }
@@ -68,13 +68,24 @@ class Offers:
     def _changed(self, law: Law) -> FloatArray:
         """(W, M, K) what a law changes in the whitened residual: its slope, or at each of its starts."""
         if law.key not in self._changes:
-            found = column(self._shooting, self._fit, law) if law.has_slope else self._started(law, self._fit)
+            smooth = law.has_slope
+            found = column(self._shooting, self._fit, law) if smooth else self._started([law], self._fit)
             self._changes[law.key] = found
         return self._changes[law.key]
 
-    def _started(self, law: Law, fit: Fit) -> FloatArray:
-        """(W, M, K) what it changes at each of its starts, beside a fit."""
-        hypotheses = [fit.hypothesis.plus(law.term(v), law.candidate.declared) for v in law.starts]
+    def together(self, laws: Sequence[Law]) -> tuple[float, tuple[float, ...]]:
+        """Nats that laws of one family promise with the same values at all of their places, and these."""
+        changes, lines = self._started(laws, self._fit), Lines(self.slopes, self._fit)
+        gains = [lines.gain(self.slopes.r + changes[:, :, k]) for k in range(changes.shape[2])]
+        best = int(np.argmax(gains))
+        return gains[best], laws[0].starts[best]
+
+    def _started(self, laws: Sequence[Law], fit: Fit) -> FloatArray:
+        """(W, M, K) what laws change at each of the first one's starts, beside a fit."""
+        hypotheses = [fit.hypothesis] * len(laws[0].starts)
+        for law in laws:
+            both = zip(hypotheses, laws[0].starts, strict=True)
+            hypotheses = [h.plus(law.term(v), law.candidate.declared) for h, v in both]
         thetas = np.stack([h.theta for h in hypotheses])
         copies = np.tile(fit.starts, (len(thetas), 1, 1))
         left = self._shooting.residuals(hypotheses[0], thetas, copies) * self._shooting.noise.whitening

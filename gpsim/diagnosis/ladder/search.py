@@ -102,6 +102,8 @@ class Search:
                 nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
                 self.account = self._with(law, nothing)
         jumps = [law for law in usual if not law.has_slope]
+        if self.dear and not known:
+            self._all_alike(jumps)
         for _ in range(0 if known else len(jumps) + 1):
             self.refit(FIRST_LOOK)
             found = self.offers([law for law in jumps if not self.account.holds(law)])
@@ -118,6 +120,23 @@ class Search:
         self.refit(1 if self.dear else CLOSE)
         if not known:
             self._probe(jumps)
+
+    def _all_alike(self, laws: Sequence[Law]) -> None:
+        """The same delay or lag of all commands, while that pays: buses are late for all, rotors are of one kind."""
+        families = dict.fromkeys(law.candidate.family for law in laws)
+        groups = [[law for law in laws if law.candidate.family == family] for family in families]
+        for _ in families:
+            self.refit(SETTLE)
+            self.tell_noise()
+            offers = Offers(self.shooting, self.account.fit)
+            absent = [group for group in groups if len(group) > 1 and not self.account.holds(group[0])]
+            found = [(*offers.together(group), group) for group in absent]
+            gain, values, group = max(found, key=lambda f: f[0], default=(0.0, (), []))
+            if gain < sum(self.price(law) for law in group) or not group:
+                return
+            for law in group:
+                self.account = self._with(law, values)
+            self.say("started from", True, *(law.name for law in group), gain=gain)
 
     def _with(self, law: Law, values: Sequence[float]) -> Account:
         laws, hypothesis = self.account.plus(law, values)
@@ -340,6 +359,26 @@ class Search:
             self.say("does not pay", True, *names, gain=paid - rise)
             self.tried.append(rest)
             self.account = rest
+
+    def through_gauges(self) -> None:
+        """Of laws that make up for each other exactly the one stays out without which the fewest are needed.
+
+        Where thrust is uncertain, masses that are off are so in the measure of all gains together.
+        """
+        for law in [law for law in self.laws if law.key in self.gauges and law.is_ratio]:
+            whole = self._with(law, [p.none for p in law.candidate.declared])
+            whole = Account(whole.laws, self.shooting.fit(whole.fit, 1))
+            around, prices = Quadratic(whole), [self.price(own) for own in whole.laws]
+            kept = [own.free for own in whole.laws]
+            ratios = [i for i, own in enumerate(whole.laws) if own.is_ratio and around.cost(i) < prices[i]]
+            rest = {i: around.taken_away(prices, kept, i) for i in ratios}
+            bills = {i: sum(less.cost - prices[less.index] for less in gone) for i, gone in rest.items() if gone}
+            best = min(bills, key=lambda i: bills[i], default=len(whole.laws) - 1)
+            if whole.laws[best].key != law.key:
+                self.say(f"makes up for {whole.laws[best].name}", True, law.name)
+                gone = rest[best]
+                adapted = placed(whole.hypothesis, gone[-1].z)
+                self.account = self.without(whole, [less.index for less in gone], adapted, SETTLE)
 
     def without(self, account: Account, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
         """An account without some laws, from where the quadratic says the others are, or from where they were."""
