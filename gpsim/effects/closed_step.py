@@ -47,7 +47,16 @@ class ClosedStep(Protocol):
         parameters: Mapping[str, float],
         terms: Sequence[Term] = (),
     ) -> FloatArray:
-        """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C), with these terms."""
+        """(B, C): the force on every coordinate that is lacking at such rates (B, R), with these terms."""
+        ...
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """State columns of places and orientations."""
+        ...
+
+    def motion(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, S) states and (N, R) rates along `positions` (3, N, Q) with their first two derivatives by time."""
         ...
 
     def hindered(self, states: FloatArray) -> BoolArray:

@@ -8,7 +8,6 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.mjcf.naming import MOTIONS, POSE, TWIST, Names
-from gpsim.mjcf.native import rotation
 
 
 @dataclass(frozen=True)
@@ -19,36 +18,35 @@ class Axis:
     forces in the body (MuJoCo's).
     """
 
-    joint: str
     axis: int
     linear: bool
     velocities: tuple[int, ...]
     orientation: tuple[int, ...]
     dofs: tuple[int, ...]
 
-    @classmethod
-    def of(cls, place: str, names: Names, state: Channels) -> Axis | None:
-        """The axis of a place in these channels; None of one that is at no free joint."""
-        if (free := names.afloat(place)) is None:
-            return None
-        (joint, dof), half = free, 3 * (free[1] // 3)
-        twist = [f"{joint}.{part}" for part in TWIST[half : half + 3]]
-        return cls(
-            joint,
-            dof - half,
-            half == 0,
-            tuple(state.index(name) for name in twist),
-            tuple(state.index(f"{joint}.{part}") for part in POSE[3:]),
-            tuple(names.dof(f"{joint}.{part}") for part in (POSE[:3] if half == 0 else MOTIONS[3:])),
-        )
-
-    def direction(self, state: FloatArray) -> FloatArray:
-        """(B, 3) in the frame of its velocities, in states (B, S)."""
+    def along(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(B,) m/s or rad/s along it or about it in states (B, S), and (B, 3) its direction in their frame."""
         if not self.linear:
-            return np.tile(np.eye(3)[self.axis], (len(state), 1))
-        quat = state[:, self.orientation]
-        return rotation(quat / np.linalg.norm(quat, axis=1, keepdims=True))[:, :, self.axis]
+            return state[:, self.velocities[self.axis]], np.tile(np.eye(3)[self.axis], (len(state), 1))
+        w, *v = state[:, self.orientation].T
+        i, j, k = self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3
+        out = np.empty((len(state), 3))
+        out[:, i] = w * w + v[i] * v[i] - v[j] * v[j] - v[k] * v[k]
+        out[:, j] = 2.0 * (v[i] * v[j] + w * v[k])
+        out[:, k] = 2.0 * (v[i] * v[k] - w * v[j])
+        out /= (state[:, self.orientation] ** 2).sum(axis=1)[:, None]
+        return np.asarray((out * state[:, self.velocities]).sum(axis=1)), out
 
-    def speed(self, state: FloatArray) -> FloatArray:
-        """(B,) m/s or rad/s along it or about it."""
-        return np.asarray((self.direction(state) * state[:, self.velocities]).sum(axis=1))
+
+def axes_of(names: Names, state: Channels) -> dict[str, Axis]:
+    """Of every free joint the axes of its body by their places, in these channels."""
+    found = {}
+    for joint in names.free:
+        orientation = tuple(state.index(f"{joint}.{part}") for part in POSE[3:])
+        for i, motion in enumerate(MOTIONS):
+            half = 3 * (i // 3)
+            velocities = tuple(state.index(f"{joint}.{part}") for part in TWIST[half : half + 3])
+            places = POSE[:3] if half == 0 else MOTIONS[3:]
+            dofs = tuple(names.dof(f"{joint}.{part}") for part in places)
+            found[f"{joint}.{motion}"] = Axis(i - half, half == 0, velocities, orientation, dofs)
+    return found

@@ -77,6 +77,24 @@ class Layout:
         out[..., self.v_columns] = qvel[..., self.v_places]
         return out
 
+    def motion(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, S) states and (N, nv) accelerations along positions (3, N, Q), with their first two derivatives by time.
+
+        Of a quaternion the second derivative is half its product with the angular acceleration, and more of itself.
+        """
+        count, nv = path.shape[1], len(self.qvel)
+        every = np.zeros((3, count, len(self.qpos)))
+        every[0], every[:, :, self.q_places] = self.qpos, path
+        moved = np.zeros((2, count, nv))
+        for q, v in self.simple:
+            moved[:, :, v] = every[1:, :, q]
+        for q, v in self.freed:
+            quat = every[:, :, q + 3 : q + 7] / np.linalg.norm(every[0, :, q + 3 : q + 7], axis=1)[:, None]
+            every[0, :, q + 3 : q + 7] = quat[0]
+            moved[:, :, v : v + 3] = every[1:, :, q : q + 3]
+            moved[:, :, v + 3 : v + 6] = [turned_by(quat[0], slope) for slope in quat[1:]]
+        return self.state(every[0], moved[0]), moved[1]
+
     def gap(self, measured: FloatArray, said: FloatArray, plain: FloatArray) -> FloatArray:
         """(..., S): `plain` with what lies between two quaternions: how their lengths differ, and the half angle.
 

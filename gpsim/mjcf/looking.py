@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.optional import mujoco, quiet
@@ -50,6 +50,26 @@ def meetings(body: Body, layout: Layout, state: FloatArray) -> frozenset[frozens
         mj.mj_fwdPosition(model, data)
         found |= {frozenset(pair) for pair in data.contact.geom[: data.ncon].tolist()}
     return frozenset(found)
+
+
+@quiet()
+def pressed(body: Body, layout: Layout, state: FloatArray, margin: float) -> BoolArray:
+    """(B, nv): the degrees of freedom that what touches pushes, or would if it were nearer by margin [m]."""
+    mj, model = mujoco(), copy.copy(body.base)
+    model.geom_margin[:] += margin
+    data, carried = mj.MjData(model), np.zeros((model.nbody, model.nv), dtype=np.bool_)
+    for b in range(1, model.nbody):  # parents come first
+        own = slice(int(model.body_dofadr[b]), int(model.body_dofadr[b]) + int(model.body_dofnum[b]))
+        carried[b] = carried[model.body_parentid[b]]
+        carried[b, own] = bool(model.body_dofnum[b])
+    out = np.zeros((len(state), model.nv), dtype=np.bool_)
+    for row, q in zip(out, layout.full(state)[0], strict=True):
+        data.qpos[:] = q
+        mj.mj_fwdPosition(model, data)
+        if data.ncon:
+            one, other = model.geom_bodyid[data.contact.geom[: data.ncon]].T
+            row[:] = (carried[one] ^ carried[other]).any(axis=0)
+    return out
 
 
 @quiet()

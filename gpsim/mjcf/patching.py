@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects import RISE, ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
-from gpsim.mjcf.afloat import Axis
+from gpsim.mjcf.afloat import axes_of
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.commanding import Motor, motors_of
 from gpsim.mjcf.native import FORCE, Fields, native_of
@@ -128,8 +128,9 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
     elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
         told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})
         patch.went.append(Went(term, "wrapper", "MJCF has no force of such a form"))
-    elif term.family in DRAGS and (axis := Axis.of(term.on, plan.body.names, plan.body.names.state)):
-        (orientation, *_), (dof, *_) = (plan.body.names.positions[c] for c in axis.orientation), axis.dofs
+    elif term.family in DRAGS and term.on in (axes := axes_of(plan.body.names, plan.body.names.state)):
+        axis = axes[term.on]
+        orientation, dof = plan.body.names.positions[axis.orientation[0]], axis.dofs[0]
         size = {"damping": 0.0, "drag": 0.0, **_numbers(term)}
         told["drags"].append({"dof": dof, "orientation": orientation, "axis": axis.axis, **size})
         patch.went.append(Went(term, "wrapper", "MJCF has no drag along an axis of its own body"))

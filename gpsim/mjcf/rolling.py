@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
 from gpsim.effects import RateEffect, Values
+from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.layout import Layout
@@ -23,12 +24,16 @@ BAD = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
 
 @dataclass(frozen=True)
 class Rolling:
-    """A model in the channels of a simulator. columns: of a coordinate its position, velocity and degree of freedom."""
+    """A model in the channels of a simulator. columns: of a coordinate its position, velocity and degree of freedom.
+
+    axes: of free joints, by their places.
+    """
 
     body: Body
     layout: Layout
     channels: Channels
     columns: Mapping[str, tuple[int, int, int]]
+    axes: Mapping[str, Axis]
 
     def rolled(
         self,
@@ -159,7 +164,7 @@ class Rolling:
         ahead = self.layout.ahead(at.state, at.step)
         shares = shares_of(plan, self.channels, at, ahead, values)
         plan.write([i for i in plan.passing if not plan.acts_on_state(i)], now, values, shares)
-        write_laws(plan, now, self.channels, self.columns, at, values, shares, {**lasting, **now})
+        write_laws(plan, now, self.columns, self.axes, at, values, shares, {**lasting, **now})
         pool.simulations.bind(FORCE)[:count] = now[FORCE]
         pool.write_some({n: now[n] for n in plan.moving_fields}, count)
 
@@ -195,7 +200,7 @@ class Rolling:
             moment = Moment(at, commands[:, k], when, np.zeros(len(at)))
             shares = shares_of(plan, self.channels, moment, at, values)
             plan.write([i for i in plan.passing if not plan.acts_on_state(i)], fields, values, shares)
-            write_laws(plan, fields, self.channels, self.columns, moment, values, shares, fields.own)
+            write_laws(plan, fields, self.columns, self.axes, moment, values, shares, fields.own)
             return self.layout.slope(at, self.forward(plan, fields, at, commands[:, k])[0])
 
         for k in range(commands.shape[1]):

@@ -12,13 +12,13 @@ import numpy as np
 from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
-from gpsim.mjcf.afloat import Axis
+from gpsim.mjcf.afloat import axes_of
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.geometry import Moved
 from gpsim.mjcf.layout import Layout, turned_by
 from gpsim.mjcf.loading import Loaded, load
-from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus
+from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus, pressed
 from gpsim.mjcf.motors import given
 from gpsim.mjcf.naming import POSE, TWIST
 from gpsim.mjcf.native import FORCE, Fields
@@ -30,6 +30,8 @@ from gpsim.recordings import evenly
 from gpsim.simulators import Integrator, Parameters, Simulator
 
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
+STANDS = 0.1  # of the states, in which what stands or walks touches at least
+MARKERS = 0.01  # m, that a motion capture's or an odometry's place of a whole robot is off the ground's
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
 AFLOAT = 3  # joints without a motor between the world and a body that floats, in a plane
 TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
@@ -80,7 +82,8 @@ class MjcfSimulator(Simulator):
             c.name: (self.state.index(c.name), self.state.index(c.velocity), dof)
             for c, dof in zip(self.coordinates, self._dofs, strict=True)
         }
-        self._rolling = Rolling(self._body, self._layout, self.state + self.action, columns)
+        self._axes = axes_of(names, self.state)
+        self._rolling = Rolling(self._body, self._layout, self.state + self.action, columns, self._axes)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
@@ -237,12 +240,10 @@ class MjcfSimulator(Simulator):
         terms: Sequence[Term] = (),
     ) -> FloatArray:
         """(B, C): see `gpsim.effects.ClosedStep`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
-        every = np.zeros((len(state), self._body.model.nv))
-        every[:, self._dofs] = acceleration
         plan, found, begin = Plan(self._body, tuple(terms), _numbers(parameters)), [], 0
         for acc, pool in self._looked(state, action, parameters, plan=plan):
             inertia = dense(self._body.model, pool.simulations.bind("M")[: len(acc)])
-            lacks = every[begin : begin + len(acc)] - acc
+            lacks = acceleration[begin : begin + len(acc)] - acc
             found.append((inertia @ lacks[..., None])[:, self._dofs, 0])
             begin += len(acc)
         return np.concatenate(found)
@@ -257,15 +258,24 @@ class MjcfSimulator(Simulator):
 
     def speed(self, on: str, state: FloatArray) -> FloatArray:
         """(B,) m/s or rad/s along or about an axis of a body that floats."""
-        axis = Axis.of(on, self._body.names, self.state)
-        assert axis is not None, on
-        return axis.speed(state)
+        if on in self._axes:
+            return self._axes[on].along(state)[0]
+        joint, _, axis = on.rpartition(".")
+        return state[:, self.state.index(f"{joint}.v{axis}")]
 
     @property
     def velocities(self) -> frozenset[str]:
         """Those of its coordinates and of free joints."""
         twists = (f"{joint}.{part}" for joint in self._body.names.free for part in TWIST)
         return super().velocities | frozenset(twists)
+
+    @property
+    def weighed(self) -> frozenset[str]:
+        """Those of every body but the ones at free joints, and the ground's."""
+        model, names = self._body.base, self._body.names
+        free = {int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs}
+        others = {name for b, name in enumerate(names.bodies) if b not in free}
+        return frozenset(others | {p for p in self.parameters if p.rpartition(".")[0] in others})
 
     def followed(
         self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]
@@ -279,6 +289,10 @@ class MjcfSimulator(Simulator):
             return slope(columns[needed[0]])
         quat = np.stack([columns[n] for n in needed], axis=1)
         return turned_by(quat, np.stack([slope(q) for q in quat.T], axis=1))[:, TWIST.index(part) - 3]
+
+    def stands(self, state: FloatArray) -> bool:
+        """Whether something touches in a good part of these states (N, S)."""
+        return bool(self.touching(state[evenly(len(state), LOOKED_AT)]).mean() > STANDS)
 
     @property
     def floating(self) -> frozenset[str]:
@@ -301,10 +315,11 @@ class MjcfSimulator(Simulator):
         return of_contacts - touched(self._body.surfaces, meetings(self._body, self._layout, some))
 
     def hindered(self, state: FloatArray) -> BoolArray:
-        """(B, C): which coordinates a limit of theirs pushes; all of them where bodies touch."""
-        model, zeros = self._body.model, np.zeros((len(state), len(self.action)))
-        touched = [pool.simulations.bind("ncon")[: len(acc)] for acc, pool in self._looked(state, zeros, {})]
-        out = np.repeat(np.concatenate(touched).reshape(-1, 1) > 0, len(self.coordinates), axis=1)
+        """(B, C): which coordinates a limit of theirs pushes, or what bodies touch that they carry."""
+        model, margin = self._body.model, MARKERS if self._body.names.free else 0.0
+        out = np.zeros((len(state), len(self.coordinates)), dtype=np.bool_)
+        if self._contacts:
+            out = pressed(self._body, self._layout, state, margin)[:, self._dofs]
         joints = model.dof_jntid[self._dofs]
         for column, joint, coordinate in zip(out.T, joints, self.coordinates, strict=True):
             if model.jnt_limited[joint]:
@@ -315,8 +330,9 @@ class MjcfSimulator(Simulator):
 
     @property
     def tolerated_penetration(self) -> float:
-        """How deep [m] bodies may touch in a first state: soft contacts do, and joints are read inexactly."""
-        return max(0.02 * max(self._body.lengths().values(), default=0.0), 0.002)
+        """How deep [m] bodies may touch in a first state: soft contacts do, and joints and places are read inexactly."""
+        least = MARKERS if self._body.names.free else 0.002
+        return max(0.02 * max(self._body.lengths().values(), default=0.0), least)
 
     def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
         """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
@@ -334,6 +350,15 @@ class MjcfSimulator(Simulator):
         count = self.steps_of(float(np.max(dt, initial=self.own_step)))
         held = np.repeat(action[:, None], count, axis=1)
         return self.rolled((), _numbers(parameters), (), state, held, dt / count, np.zeros(len(state)))[:, -1]
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """State columns of places and orientations."""
+        return self._layout.q_columns
+
+    def motion(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(N, S) states and (N, R) rates along `positions` (3, N, Q) with their first two derivatives by time."""
+        return self._layout.motion(path)
 
     def plus(self, state: FloatArray, change: FloatArray) -> FloatArray:
         """(B, S): the state moved by a tangent vector (B, 2 nv): of positions, then of velocities."""

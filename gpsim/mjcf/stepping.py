@@ -39,7 +39,9 @@ class Plan:
     @cached_property
     def passing(self) -> list[int]:
         """Indices of terms that are written at every substep."""
-        acts = [i for i, t in enumerate(self.terms) if t.effect.site not in PASSED_ON or native_of(t, self.body)]
+        acts = [
+            i for i, t in enumerate(self.terms) if t.effect.site not in PASSED_ON or native_of(t, self.body)
+        ]
         return [i for i in acts if i not in self.lasting]
 
     @cached_property
@@ -139,8 +141,8 @@ def shares_of(
 def write_laws(
     plan: Plan,
     fields: Fields,
-    channels: Channels,
     columns: Mapping[str, tuple[int, int, int]],
+    axes: Mapping[str, Axis],
     at: Moment,
     values: Sequence[Values],
     shares: Mapping[int, FloatArray],
@@ -148,7 +150,8 @@ def write_laws(
 ) -> None:
     """Forces and grips of laws that look at the state, and at what a joint's motors give.
 
-    columns: of a coordinate its position, velocity and dof; known: the fields (B, ...) that stand meanwhile.
+    columns: of a coordinate its position, velocity and dof; axes: of places at free joints; known: the fields (B, ...)
+    that stand meanwhile.
     """
     for i in plan.passing:
         if not plan.acts_on_state(i):
@@ -157,10 +160,11 @@ def write_laws(
         effect = term.effect
         assert isinstance(effect, ForceEffect)
         for on in term.places:
-            if (axis := Axis.of(on, plan.body.names, channels)) is not None:
-                force = effect.force(at.t, axis.speed(at.state), values[i])
+            if on in axes:
+                speed, direction = axes[on].along(at.state)
+                force = effect.force(speed, speed, values[i])
                 assert force is not None, term.family
-                fields[FORCE][:, axis.dofs] += (share * force)[:, None] * axis.direction(at.state)
+                fields[FORCE][:, axes[on].dofs] += (share * force)[:, None] * direction
                 continue
             position, velocity, dof = columns[on]
             where, speed = at.state[:, position], at.state[:, velocity]

@@ -110,6 +110,11 @@ class Simulator(ABC):
         return {}
 
     @property
+    def drives(self) -> Mapping[str, str]:
+        """Of an action what it drives, where the simulator says so itself."""
+        return {}
+
+    @property
     def kinematic(self) -> bool:
         """Whether the rates follow from action and parameters alone: they stay the same while an action is held."""
         return False
@@ -186,9 +191,20 @@ class Simulator(ABC):
         """State channels that are velocities of others, from which they follow."""
         return frozenset(c.velocity for c in self.coordinates)
 
-    def followed(self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]) -> FloatArray | None:
+    @property
+    def weighed(self) -> frozenset[str]:
+        """Parameters of what hangs on a body that floats, which a drawing says better than what it carries."""
+        return frozenset()
+
+    def followed(
+        self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray | None:
         """(K,) a velocity that is no coordinate's, from recorded `columns`, by a slope of paths (K,); else None."""
         return None
+
+    def stands(self, state: FloatArray) -> bool:
+        """Whether something touches in a good part of these states (N, S)."""
+        return False
 
     @property
     def floating(self) -> frozenset[str]:

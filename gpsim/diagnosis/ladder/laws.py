@@ -199,7 +199,12 @@ def laws_of(
 ) -> list[Law]:
     """The laws on offer, the usual ones first; what the user requires costs nothing."""
     kind, owned = kind_of(simulator), closed(simulator) is not None
-    found = [_law(_as_fitted(c), USUAL[kind], numbers, known) for c in offers if not c.only_gated]
+    settled = simulator.weighed if kind == "floating" else frozenset[str]()
+    found = [
+        _law(_as_fitted(c), {} if c.place.on in settled else USUAL[kind], numbers, known)
+        for c in offers
+        if not c.only_gated
+    ]
     out = [replace(law, owned=owned, of_row=law.usual and kind == "robot") for law in found]
     return sorted(out, key=lambda law: (not law.usual, effect_of(law.candidate.family).site != "parameter"))
 

@@ -61,10 +61,10 @@ class Sized:
 def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offers) -> Sized | None:
     """The usual rows of a simulator that owns its integration, sized by the forces of the whole recording.
 
-    None where they say nothing: a body floats, too little was recorded, or something pushes all the time.
+    None where they say nothing: too little was recorded, or something pushes all the time.
     """
     simulator, system = problem.simulator, closed(problem.simulator)
-    if system is None or not simulator.coordinates or len(simulator.state) != 2 * len(simulator.coordinates):
+    if system is None or not simulator.coordinates:
         return None
     log = _Log(problem, system, recording, candidates)
     bands = [band / 2.0 / recording.dt for band in BANDS] if log.rows and log.pieces else []
@@ -153,9 +153,9 @@ class _Row:
 class _Log:
     """A recording in pieces on an even clock, and what may be asked of it.
 
-    at, speeds: (C,) columns; rows: friction, rotors and offsets of joints whose position was measured; kinds: what else
+    at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets of joints whose position was measured; kinds: what else
     may be off, one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than
-    bodies); dry: (C,) the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, C).
+    bodies); dry: (C,) the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
     """
 
     def __init__(self, problem: Problem, system: ClosedStep, recording: Recording, offers: Offers) -> None:
@@ -163,17 +163,20 @@ class _Log:
         self.candidates = candidates = [c for c in offers if not c.variant]
         index, coordinates = problem.simulator.state.index, problem.simulator.coordinates
         self.at = np.array([index(c.name) for c in coordinates])
-        self.speeds = np.array([index(c.velocity) for c in coordinates])
+        self.columns = list(system.positions)
+        self.paths = [self.columns.index(column) for column in self.at]
         seen = {c.name: i for i, c in enumerate(coordinates) if problem.observed[self.at[i]]}
         self.rows = [_Row(c, seen[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
         self.late = [c for c in candidates if c.family == LATE]
         self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
-        drives: Mapping[str, str] = getattr(problem.simulator, "drives", {})
+        drives = problem.simulator.drives
         driven = [*drives.values()]
         alone = {a: seen[on] for a, on in drives.items() if on in seen and driven.count(on) == 1}
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         self.kinds = [] if self.servos else [motors, *masses] if motors else masses
+        if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
+            self.kinds = [motors] if motors else []
         own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]
         self.dry = np.zeros(len(coordinates))
         self.dry[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
@@ -185,12 +188,12 @@ class _Log:
     def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
-        wraps, found = np.array(self.problem.simulator.state.wraps)[self.at], []
+        wraps, found = np.array(self.problem.simulator.state.wraps)[self.columns], []
         weights = np.ones_like(e.states) if e.weights is None else e.weights
-        good = np.flatnonzero(weights[:, self.at].min(axis=1) > 0)
+        good = np.flatnonzero(weights[:, self.columns].min(axis=1) > 0)
         for run in np.split(good, np.flatnonzero(np.diff(e.t[good]) > GAP * self.dt) + 1):
             if len(run) >= SHORTEST:
-                q = e.states[run][:, self.at]
+                q = e.states[run][:, self.columns]
                 path = CubicSpline(e.t[run], np.where(wraps, np.unwrap(q, axis=0), q))
                 grid = np.arange(e.t[run[0]], e.t[run[-1]], self.dt)
                 found += [(e, t, path(t)) for t in np.array_split(grid, -(-len(grid) // PIECE))]
@@ -209,9 +212,8 @@ class _Forces:
         every = max(int(1.0 / (FINE * band * log.dt)), 1)
         self.dt, self._moments = every * log.dt, [(e, t[::every]) for e, t, _ in log.pieces]
         moved = [_below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces]
-        self.motion = np.concatenate(moved, axis=1)
-        self.states = np.empty((self.motion.shape[1], len(log.problem.simulator.state)))
-        self.states[:, log.at], self.states[:, log.speeds] = self.motion[:2]
+        path = np.concatenate(moved, axis=1)
+        self.motion, (self.states, self._rates) = path[:, :, log.paths], log.system.motion(path)
         noise = 2.0 * np.pi * band * np.sqrt(2.0 / 3.0 * band * log.dt) * log.problem.floor[log.at]
         self.way = np.tanh(self.motion[1] / np.maximum(TURNS * self.motion[1].std(axis=0), noise))
         moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
@@ -231,7 +233,7 @@ class _Forces:
         """(K, C): what the motion takes beyond what the model, with these terms, is given."""
         log, parameters = self.log, dict(self.log.problem.parameters)
         parameters |= {c.place.on: self.stiff * parameters[c.place.on] for c in log.servos}
-        moved, every = (self.states, commands, self.motion[2]), [*log.without_dry, *terms]
+        moved, every = (self.states, commands, self._rates), [*log.without_dry, *terms]
         lacks = np.nan_to_num(log.system.lacking_force(*moved, parameters, every), posinf=0.0, neginf=0.0)
         return self._heard(lacks + log.dry * self.way)
 

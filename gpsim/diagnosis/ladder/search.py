@@ -97,10 +97,12 @@ class Search:
                 hypothesis = hypothesis.plus(law.term(values), law.candidate.declared)
             self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
             self.tell_noise()
-        else:
-            for law in self._independent([law for law in usual if law.has_slope]):
-                nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
-                self.account = self._with(law, nothing)
+        simulator = self.shooting.problem.simulator
+        asked = {*(c.name for c in simulator.coordinates), *simulator.drives} if known else set[str]()
+        rest = [law for law in usual if law.has_slope and not (self.account.holds(law) or (known and law.of_row))]
+        for law in self._independent([law for law in rest if law.candidate.place.on not in asked]):
+            nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
+            self.account = self._with(law, nothing)
         jumps = [law for law in usual if not law.has_slope]
         if self.dear and not known:
             self._all_alike(jumps)
@@ -118,7 +120,7 @@ class Search:
             self.refit(FIRST_LOOK if self.dear else SETTLE)
             self.tell_noise()
         self.refit(1 if self.dear else CLOSE)
-        if not known:
+        if not self.dear:  # else `unusual` asks for them, beside what pays
             self._probe(jumps)
 
     def _all_alike(self, laws: Sequence[Law]) -> None:
@@ -372,7 +374,9 @@ class Search:
             kept = [own.free for own in whole.laws]
             ratios = [i for i, own in enumerate(whole.laws) if own.is_ratio and around.cost(i) < prices[i]]
             rest = {i: around.taken_away(prices, kept, i) for i in ratios}
-            bills = {i: sum(less.cost - prices[less.index] for less in gone) for i, gone in rest.items() if gone}
+            bills = {
+                i: sum(less.cost - prices[less.index] for less in gone) for i, gone in rest.items() if gone
+            }
             best = min(bills, key=lambda i: bills[i], default=len(whole.laws) - 1)
             if whole.laws[best].key != law.key:
                 self.say(f"makes up for {whole.laws[best].name}", True, law.name)

@@ -27,14 +27,18 @@ def candidates(
     """All terms that may be missing, in the catalogue's order.
 
     Of the ground only what something touches in the recording is asked; of what says where a body floats neither
-    friction nor a rotor.
+    friction nor a rotor; of a body that stands on something neither drag nor wind.
     """
-    untouched = simulator.untouched(np.concatenate([e.states for e in recording.episodes]))
+    states = np.concatenate([e.states for e in recording.episodes])
+    untouched, stands = simulator.untouched(states), simulator.stands(states)
     sizes = Sizes(recording, simulator, parameters)
     out = []
     for effect in FAMILIES.values():
         for on in effect.places(simulator):
             if on in untouched or (on in simulator.floating and effect.family in OF_JOINTS):
+                continue
+            there = simulator.model_places.get(effect.family, {}).get(on)
+            if stands and there is not None and there.afloat:
                 continue
             place = sizes.place(effect, on)
             out += [
