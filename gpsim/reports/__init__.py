@@ -23,6 +23,7 @@ __all__ = [
     "prove_page",
     "prove_sheets",
     "rerun_file",
+    "robot_figure",
     "runs_sheets",
     "runs_text",
     "scene",
