@@ -12,6 +12,7 @@ from gpsim.findings import Share
 from gpsim.mjcf import open_simulator
 from gpsim.reports.robot_figure import NOWHERE, SCALE, robot_figure, told_at
 
+pytest.importorskip("mujoco")
 pytestmark = pytest.mark.pictures
 RED = np.array(SCALE(1.0)[:3])
 
