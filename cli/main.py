@@ -37,6 +37,7 @@ from .run import report_command, run_app, status_command, sweep_command
 from .runs import runs_app
 from .simulators import effects_app, simulators_app
 from .stages import add_stages
+from .view import view_command
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -104,6 +105,7 @@ PANELS: tuple[tuple[str, str, Any, str | None], ...] = (
     (ONCE, "prove", prove_app, "Conceal worlds, diagnose them blind, reveal and score."),
     (INOUT, "import", import_command, "Make a recording of raw logs."),
     (INOUT, "export", export_app, "Write a recording, diagnosis or policy for other programs."),
+    (INOUT, "view", view_command, "Watch real, base and corrected motion side by side."),
     (THERE, "status", status_command, "Say what is there of a loop, what would be made, and why."),
     (THERE, "runs", runs_app, "List, show, compare and remove what is in runs/."),
     (THERE, "simulators", simulators_app, "List simulators, show one, check a MuJoCo model."),

@@ -34,7 +34,7 @@ def test_help_is_one_line_a_command_at_80_columns(gpsim, monkeypatch):
     _, shown, _ = gpsim("--help")
     panels = shown[shown.index("Stages, in order") :].splitlines()
     lines = [line for line in panels if line.startswith("│")]
-    assert len(lines) == 21
+    assert len(lines) == 22
     for line in lines:
         assert re.match(r"│ [a-z-]+ +[A-Z].*\. +│$", line), line
 

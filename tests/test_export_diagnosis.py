@@ -61,12 +61,12 @@ DAMPED = Term("viscous_friction", "theta", {"damping": DAMPING})
 def made(tmp_path):
     """recording, terms -> the recording's folder and the folder of its diagnosis."""
 
-    def make(recording, *terms, **options):
+    def make(recording, *terms, plant=None, **options):
         folder = tmp_path / "recording"
         folder.mkdir()
         write_recording(recording, folder)
         out = tmp_path / "diagnosis"
-        plant = corrected_by(recording, *terms)
+        plant = plant or corrected_by(recording, *terms)
         made_diagnosis_artifact(Store(tmp_path, "x"), plant, folder, out=out, **options)
         return folder, out
 
@@ -189,6 +189,113 @@ def driven(system):
     )  # fmt: skip
 
 
+ROBOT = """<mujoco><option timestep="0.01" integrator="RK4"/><worldbody>
+<geom type="plane" size="9 9 1" contype="0" conaffinity="0"/>
+<body name="rod" pos="0 0 1"><joint name="theta" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02" mass="1"/></body></worldbody>
+<actuator><motor name="torque" joint="theta"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def robot(made, tmp_path):
+    """The folder of the diagnosis of a rod that hangs 1 m above the ground."""
+    pytest.importorskip("mujoco")
+    from gpsim.mjcf import open_simulator
+
+    (tmp_path / "robot.xml").write_text(ROBOT)
+    simulator, swing = open_simulator(str(tmp_path / "robot.xml")), swung()
+    names = Channels.of({"theta": "rad", "theta_dot": "rad/s"}, wraps=["theta"])
+    recording = replace(swing, system="mjcf", state=names, action=simulator.action, parameters={})
+    recording = replace(recording, integrator="rk4", model=str(tmp_path / "robot.xml"))
+    plant = EffectsPlant(simulator, simulator.defaults(), (), "rk4", 2, DT)
+    return made(recording, plant=plant)[1]
+
+
+def test_a_robots_bodies_are_frames_in_the_world_and_its_ground_is_left_out(robot):
+    found = read(export_diagnosis(robot, horizon=HORIZON)[0])
+    for model in ("real", "base", "corrected"):
+        frames = [m for m in found["/tf"][1] if m.child_frame_id == f"{model}/rod"]
+        theta = table(found, f"/{model}/state", ["theta"])[:, 0]
+        turn = np.array([[m.rotation.x, m.rotation.y, m.rotation.z, m.rotation.w] for m in frames])
+        assert np.allclose(upwards(turn), np.stack([np.sin(theta), 0 * theta, np.cos(theta)], axis=1))
+        assert {(m.translation.x, m.translation.y, m.translation.z) for m in frames} == {(0, 0, 1)}
+    entities = found["/scene"][1][0].entities
+    assert {e.frame_id for e in entities} == {"real/rod", "base/rod", "corrected/rod"}
+    [rod] = entities[0].cylinders
+    assert (rod.size.z, rod.pose.position.z) == pytest.approx((0.5, -0.25))
+    ends = sorted(ball.pose.position.z for ball in entities[0].spheres)
+    assert ends == pytest.approx([-0.5, 0.0])
+
+
+def viewed(path):
+    """path -> (t [s], the values of its first column), of what a Rerun file holds over time."""
+    pytest.importorskip("rerun")
+    from rerun.chunk import RrdReader
+
+    found = defaultdict(dict)
+    for chunk in RrdReader(str(path)).stream():
+        batch = chunk.to_record_batch().to_pydict()
+        if "t" not in batch:
+            continue
+        for name, values in batch.items():
+            if ":" in name:
+                found[chunk.entity_path, name].update(
+                    zip([t.total_seconds() for t in batch["t"]], values, strict=True)
+                )
+    return found
+
+
+def test_rerun_shows_the_same_motion_as_foxglove(robot, tmp_path):
+    pytest.importorskip("rerun")
+    path, _ = export_diagnosis(robot, horizon=HORIZON, form="rrd")
+    assert path == tmp_path / "diagnosis.rrd"
+    found, same = viewed(path), read(export_diagnosis(robot, horizon=HORIZON)[0])
+    for model in ("real", "base", "corrected"):
+        stamps, messages = same[f"/{model}/state"]
+        for name in ("theta", "theta_dot"):
+            said = found[f"/state/{name}/{model}", "Scalars:scalars"]
+            assert [round(t * 1e9) for t in said] == stamps
+            assert [v for [v] in said.values()] == [message[name] for message in messages]
+        frames = [m for m in same["/tf"][1] if m.child_frame_id == f"{model}/rod"]
+        turns = found[f"/{model}/body/rod", "Transform3D:quaternion"]
+        turn = [[m.rotation.x, m.rotation.y, m.rotation.z, m.rotation.w] for m in frames]
+        assert np.allclose([v for [v] in turns.values()], turn, atol=1e-6)  # in single precision
+    off = found["/mismatch/base", "Scalars:scalars"]
+    assert [v for [v] in off.values()] == [message["base"] for message in same["/mismatch"][1]]
+
+
+def test_view_saves_a_file_or_says_that_no_viewer_opens(robot, tmp_path, monkeypatch):
+    pytest.importorskip("rerun")
+    saved = CliRunner().invoke(app, ["view", str(robot), "--out", str(tmp_path / "drive.rrd")])
+    assert saved.exit_code == 0, saved.output
+    assert viewed(tmp_path / "drive.rrd")
+    opened = []
+
+    def viewer(command, **_):
+        opened.append(viewed(command[-1]))  # whole when it is opened
+        return subprocess.CompletedProcess(command, len(opened) - 1)
+
+    monkeypatch.setattr(subprocess, "run", viewer)
+    assert CliRunner().invoke(app, ["view", str(robot)]).exit_code == 0
+    refused = CliRunner().invoke(app, ["view", str(robot)])
+    assert isinstance(refused.exception, UsageError)
+    assert "--out FILE.rrd" in str(refused.exception)
+    assert len(opened) == 2
+    assert all(opened)
+
+
+@pytest.mark.parametrize("system", ["cartpole", "unicycle"])
+def test_rerun_shows_carts_and_vehicles(made, system):
+    pytest.importorskip("rerun")
+    recording = driven(system)
+    _, folder = made(recording)
+    found = viewed(export_diagnosis(folder, horizon=0.4, form="rrd")[0])
+    part = "/real/body/pole" if system == "cartpole" else "/real/body"
+    assert len(found[part, "Transform3D:quaternion"]) == sum(len(e.t) for e in recording.episodes)
+    trails = [key for key in found if key[0] == "/real/path"]
+    assert bool(trails) == (system == "unicycle")
+
+
 def test_a_vehicle_is_a_pose_and_its_path_a_line(made):
     recording = driven("unicycle")
     _, folder = made(recording)
@@ -307,14 +414,15 @@ def test_it_is_refused_in_one_line(made, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["diagnosis", "recording", "there"]
 
 
-@pytest.mark.parametrize("missing", ["mcap", "mcap_protobuf", "foxglove_schemas_protobuf"])
+@pytest.mark.parametrize("missing", ["mcap", "mcap_protobuf", "foxglove_schemas_protobuf", "rerun"])
 def test_without_the_extra_it_says_what_to_install_before_anything_else(missing, tmp_path, monkeypatch):
     monkeypatch.setattr(stage, "find_spec", lambda name: None if name == missing else object())
-    with pytest.raises(UsageError, match=r"pip install 'gpsim\[foxglove\]'"):
-        export_diagnosis(tmp_path / "nothing")
+    form, extra = ("rrd", "rerun") if missing == "rerun" else ("mcap", "foxglove")
+    with pytest.raises(UsageError, match=rf"pip install 'gpsim\[{extra}\]'"):
+        export_diagnosis(tmp_path / "nothing", form=form)
     assert not list(tmp_path.iterdir())
 
 
 def test_gpsim_starts_without_the_extra():
-    hidden = "import sys; sys.modules.update(dict.fromkeys(['mcap', 'mcap_protobuf', 'foxglove_schemas_protobuf']))"
+    hidden = "import sys; sys.modules.update(dict.fromkeys(['mcap', 'mcap_protobuf', 'foxglove_schemas_protobuf', 'rerun']))"
     subprocess.run([sys.executable, "-c", f"{hidden}; import gpsim.cli.main"], check=True)

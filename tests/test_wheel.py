@@ -63,7 +63,7 @@ def test_the_wheels_requirements_hold_here_and_cover_what_it_imports(wheel):
         if requirement.marker is None or requirement.marker.evaluate():
             assert version(requirement.name) in requirement.specifier, requirement
     extra = {canonicalize_name(r.name) for r in everything} - {canonicalize_name(r.name) for r in plain}
-    provided = packages_distributions()
+    provided = {"rerun": ["rerun-sdk"], **packages_distributions()}
     for name in (n for n in archive.namelist() if n.endswith(".py")):
         for module in imports(archive.read(name).decode()) - STANDARD - {"gpsim"}:
             by = {canonicalize_name(d) for d in provided.get(module, [module])}  # an extra may be absent

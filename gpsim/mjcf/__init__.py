@@ -9,6 +9,7 @@ from gpsim.mjcf.loading import is_mujoco, new_environment, notes_of, source_of
 from gpsim.mjcf.opening import SYSTEM, files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.patching import Correction
+from gpsim.mjcf.rendering import rendered
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
 from gpsim.trust import GYM
 
@@ -36,6 +37,7 @@ __all__ = [
     "notes_of",
     "open_simulator",
     "planned",
+    "rendered",
     "simulator_name",
     "source_of",
 ]

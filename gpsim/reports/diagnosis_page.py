@@ -19,6 +19,7 @@ from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import not_asked_lines, ranking
 from gpsim.reports.geometry_text import geometry_sheet, inseparable_lines
 from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.robot_figure import ROBOT
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
 
 
@@ -33,7 +34,7 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
     )
 
 
-FRONT = (ROLLOUT, PARTS)  # pictures beside the account
+FRONT = (ROLLOUT, PARTS, ROBOT)  # pictures beside the account
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
 KINDS: Mapping[Kind, str] = {
@@ -94,7 +95,7 @@ def page(
 
 def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The names of the pictures beside the account."""
-    return (ROLLOUT,) if diagnosis.verdict == "unknown" else FRONT
+    return (ROLLOUT, ROBOT) if diagnosis.verdict == "unknown" else FRONT
 
 
 def _first_rows(rows: Sequence[Row]) -> int:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,27 +15,16 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-from gpsim.channels import Channels, FloatArray, IntArray
-from gpsim.recordings import Recording, start_times
-from gpsim.reports.foxglove_scene import Body, scene, transform
-from gpsim.traces import Along, Alongside
+from gpsim.channels import Channels, FloatArray
+from gpsim.recordings import start_times
+from gpsim.reports.foxglove_scene import scene, transform
+from gpsim.reports.scene import REAL, Frame, Shown
+from gpsim.traces import Along
 
-REAL = "real"
 NUMBER, TEXT, FLAG = "number", "string", "boolean"
 
-
-@dataclass(frozen=True)
-class Shown:
-    """What the file holds. held_out: (E,) first sample of every episode that was only judged on, past its end if none.
-
-    facts: what is said of the diagnosis, in words, as the file's metadata.
-    """
-
-    recording: Recording
-    along: Alongside
-    body: Body | None
-    held_out: IntArray
-    facts: Mapping[str, str]
+Frames = Mapping[str, Mapping[str, Frame]]
+"""Motion -> part of the body -> where it is."""
 
 
 def write_foxglove(shown: Shown, path: Path) -> int:
@@ -108,36 +96,38 @@ def _messages(shown: Shown) -> Iterator[tuple[int, str, Any]]:
     for i, (episode, start) in enumerate(zip(recording.episodes, start_times(recording), strict=True)):
         stamps = np.round((episode.t + start) * 1e9).astype(np.int64).tolist()
         commands = [*_rows(recording.action.names, episode.actions), {}]
+        models = {model: parts[i] for model, parts in along.models.items()}
+        frames = {model: shown.frames(along.state.names, one.said) for model, one in models.items()}
+        frames[REAL] = shown.frames(recording.state.names, episode.states)
         for k, measured in enumerate(_rows(recording.state.names, episode.states)):
             if k in (0, int(shown.held_out[i])):
                 held = k >= int(shown.held_out[i])
                 yield stamps[k], "/episode", {"name": episode.name, "held_out": held}
             if k == 0 and shown.body is not None:
-                path = _path(recording, i) if shown.body.path else None
-                yield stamps[k], "/scene", scene(shown.body, (REAL, *along.models), stamps[k], path)
+                yield stamps[k], "/scene", scene(shown.body, shown.motions, stamps[k], shown.path(i))
             if measured:
                 yield stamps[k], f"/{REAL}/state", measured
             if commands[k]:
                 yield stamps[k], f"/{REAL}/command", commands[k]
-            yield from _frames(shown, REAL, stamps[k], measured)
+            yield from _frames(frames, REAL, k, stamps[k])
             n, between = divmod(k, along.every)
-            if not between and n < len(next(iter(along.models.values()))[i].age):
-                yield from _simulated(shown, {m: parts[i] for m, parts in along.models.items()}, n, stamps[k])
+            if not between and n < len(next(iter(models.values())).age):
+                yield from _simulated(shown, models, frames, n, stamps[k])
 
 
 def _simulated(
-    shown: Shown, models: Mapping[str, Along], n: int, stamp: int
+    shown: Shown, models: Mapping[str, Along], frames: Frames, n: int, stamp: int
 ) -> Iterator[tuple[int, str, Any]]:
-    names, scale, sizes = shown.along.state.names, shown.along.scale, dict[str, float]()
+    names, sizes = shown.along.state.names, dict[str, float]()
     for model, one in models.items():
         (state,), (off,) = _rows(names, one.said[n : n + 1]), _rows(names, one.off[n : n + 1])
         if not state:
             continue
         yield stamp, f"/{model}/state", state
-        yield from _frames(shown, model, stamp, state)
+        yield from _frames(frames, model, n, stamp)
         if off:
             yield stamp, f"/{model}/residual", off
-            sizes[model] = float(np.sqrt(np.nanmean((one.off[n] / scale) ** 2)))
+            sizes[model] = float(shown.along.mismatch(one)[n])
     if sizes:
         yield stamp, "/mismatch", sizes
     age = float(next(iter(models.values())).age[n])
@@ -145,23 +135,11 @@ def _simulated(
         yield stamp, "/rollout", {"age": age}
 
 
-def _frames(
-    shown: Shown, model: str, stamp: int, values: Mapping[str, float]
-) -> Iterator[tuple[int, str, Any]]:
-    """The body's frames where all that places it is known; a state that never changes is where it always is."""
-    if shown.body is None:
-        return
-    known = {**shown.along.held, **values}
-    if all(name in known for name in shown.body.needs):
-        for frame in shown.body.frames(known):
-            yield stamp, "/tf", transform(frame, model, stamp)
-
-
-def _path(recording: Recording, index: int) -> FloatArray:
-    """(N, 2) m: where a vehicle went in an episode."""
-    columns = [recording.state.index(name) for name in ("x", "y") if name in recording.state.names]
-    path = recording.episodes[index].states[:, columns]
-    return path[np.isfinite(path).all(axis=1)] if len(columns) == 2 else np.empty((0, 2))
+def _frames(frames: Frames, model: str, row: int, stamp: int) -> Iterator[tuple[int, str, Any]]:
+    """The body's frames where all that places it is known."""
+    for name, frame in frames[model].items():
+        if np.isfinite(frame.position[row]).all():
+            yield stamp, "/tf", transform(name, frame, row, model, stamp)
 
 
 def _rows(names: Sequence[str], table: FloatArray) -> Iterable[dict[str, float]]:

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gpsim.artifacts import Mishaps
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
@@ -171,6 +173,7 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     # Here: who calls from Python and draws nothing need not wait a second for Matplotlib.
     from gpsim.reports.account_figures import account_figures
     from gpsim.reports.diagnosis_figures import figures
+    from gpsim.reports.robot_figure import ROBOT, robot_figure
 
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
@@ -187,6 +190,12 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained)
+    simulator = found.question.everything.simulator
+    if isinstance(simulator, MjcfSimulator):
+        with contained(ROBOT):
+            states = np.concatenate([episode.states for episode in found.question.recording.episodes])
+            if (robot := robot_figure(diagnosis, simulator, states)) is not None:
+                pictures[ROBOT] = robot
     return pictures
 
 

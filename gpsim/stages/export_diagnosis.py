@@ -1,11 +1,11 @@
-"""export diagnosis: what was measured beside base and corrected simulator, on one clock, for Foxglove."""
+"""export diagnosis, view: measured, base and corrected motion on one clock, for Foxglove and for Rerun."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,30 +17,39 @@ from gpsim.errors import UsageError
 from gpsim.files import disk_errors, written_whole
 from gpsim.recordings import Recording
 from gpsim.reports.account import account_of
-from gpsim.reports.foxglove_scene import body_of
+from gpsim.reports.bodies import body_of
+from gpsim.reports.scene import Shown
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
 from gpsim.stages.stage import blamed, new_place
 from gpsim.traces import Alongside, alongside
 
-FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
-"""What the extra `foxglove` brings."""
+NEEDS = {"mcap": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"), "rrd": ("rerun",)}
+MISSING = {
+    "mcap": "export diagnosis: Foxglove's formats are not installed; pip install 'gpsim[foxglove]'",
+    "rrd": "view: Rerun is not installed; pip install 'gpsim[rerun]'",
+}
+"""What is said where a package that a format needs is not there."""
 
 
 def export_diagnosis(
-    folder: Path, out: Path | None = None, recording: Path | None = None, horizon: float | None = None
+    folder: Path,
+    out: Path | None = None,
+    recording: Path | None = None,
+    horizon: float | None = None,
+    form: Literal["mcap", "rrd"] = "mcap",
 ) -> tuple[Path, list[str]]:
-    """Write an MCAP of the diagnosis at `folder`; where it lies, and sentences about what is in it.
+    """Write a file of the diagnosis at `folder`; where it lies, and sentences about what is in it.
 
     out: the new file, beside the folder without one. recording: where the recording lies now, which must be the one
-    that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. Raises UsageError.
+    that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. form: for Foxglove, or for
+    Rerun. Raises UsageError.
     """
-    _check_installed()
-    from gpsim.reports.foxglove_file import Shown, write_foxglove
-
+    if any(find_spec(name) is None for name in NEEDS[form]):
+        raise UsageError(MISSING[form])
     artifact = read_artifact(folder, "diagnose")
     place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
-    out = out or place.with_name(f"{place.name}.mcap")
+    out = out or place.with_name(f"{place.name}.{form}")
     _check_place(out, artifact.path)
     if horizon is not None and not 0 < horizon < np.inf:
         raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
@@ -51,7 +60,6 @@ def export_diagnosis(
     with_gp = diagnose.read_corrected(folder, gp=True) if process else None
     with blamed(plant.simulator.name):
         along = alongside(opened, plant, with_gp, horizon or found.fit.rollout.horizon_s, _run(artifact))
-    body = body_of(plant.simulator, plant.parameters, _reach(opened))
     facts = {
         "verdict": found.verdict,
         "said": account_of(found).sentence,
@@ -59,16 +67,15 @@ def export_diagnosis(
         "horizon_s": f"{along.horizon:g}",
         "diagnosis_sha256": artifact.digest,
     }
+    body = body_of(plant.simulator, plant.parameters, _reach(opened))
+    shown = Shown(opened, along, body, first_held_out(opened), facts)
+    if form == "mcap":
+        from gpsim.reports.foxglove_file import write_foxglove as write
+    else:
+        from gpsim.reports.rerun_file import write_rerun as write
     with disk_errors(out, "--out"), written_whole(out) as made:
-        count = write_foxglove(Shown(opened, along, body, first_held_out(opened), facts), made)
+        count = write(shown, made)
     return out, _notes(opened, along, found, count, body is not None, plant.simulator.name)
-
-
-def _check_installed() -> None:
-    if any(find_spec(name) is None for name in FORMATS):
-        raise UsageError(
-            "export diagnosis: Foxglove's formats are not installed; pip install 'gpsim[foxglove]'"
-        )
 
 
 def _check_place(out: Path, folder: Path) -> None:

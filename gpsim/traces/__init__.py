@@ -1,4 +1,4 @@
-"""Traces: what base and corrected simulator say beside what was measured, for pictures and for Foxglove."""
+"""Traces: what base and corrected simulator say beside what was measured, for pictures, Rerun and Foxglove."""
 
 from gpsim.traces.alongside import Along, Alongside, alongside
 from gpsim.traces.pictured import BASE, EFFECTS, Course, Trace, Traces, course, traces

@@ -49,6 +49,13 @@ class Alongside:
     horizon: float
     models: Mapping[str, tuple[Along, ...]]
 
+    def mismatch(self, one: Along) -> FloatArray:
+        """(N,): root mean square of the residuals that there are, each over its channel's scale; NaN without any."""
+        known = np.isfinite(one.off)
+        squares = np.where(known, one.off / self.scale, 0.0) ** 2
+        with np.errstate(invalid="ignore"):
+            return np.sqrt(squares.sum(axis=1) / known.sum(axis=1))  # type: ignore[no-any-return]
+
 
 def alongside(
     recording: Recording,
