@@ -58,7 +58,7 @@ def robot_figure(diagnosis: Diagnosis, simulator: MjcfSimulator, states: FloatAr
         return None
     shares = {joint: sum(laws.values()) for joint, laws in told.items()}
     most = max(LEAST, *shares.values())
-    joints = [c.name for c in simulator.body.names.coordinates]
+    joints = [*_joints(simulator)]
     listed = sorted(joints, key=lambda joint: -shares.get(joint, -1.0))[:ROWS]
     rows = len(listed) + (NOWHERE in told)
     high = max(HIGH, ROW * rows + 0.2) + BELOW
@@ -130,14 +130,22 @@ def told_at(diagnosis: Diagnosis, simulator: MjcfSimulator) -> dict[str, dict[st
     return told
 
 
+def _joints(simulator: MjcfSimulator) -> dict[str, int]:
+    """The model's joints, hinges and slides first, and their numbers in it."""
+    names, model = simulator.body.names, simulator.body.base
+    free = [j for j in range(model.njnt) if j not in names.joints]
+    return dict(zip((*(c.name for c in names.coordinates), *names.free), (*names.joints, *free), strict=True))
+
+
 def _joint(simulator: MjcfSimulator, place: str) -> str:
-    """The joint of a channel, an actuator, a body, a geom or a number of one (`fore.mass`)."""
+    """The joint of a channel, an actuator, a body, a geom or a number of one (`fore.mass`, `base.surge`)."""
     names, model = simulator.body.names, simulator.body.base
     joints = {n: c.name for c in names.coordinates for n in (c.name, c.velocity, c.rate)} | dict(names.drives)
+    joints |= {name: name for name in names.free}
     bodies = {f"geom{g}": int(b) for g, b in enumerate(model.geom_bodyid)}
     bodies |= {model.geom(g).name: int(b) for g, b in enumerate(model.geom_bodyid)}
     bodies |= {name: b for b, name in enumerate(names.bodies)}
-    moves = {int(model.jnt_bodyid[j]): c.name for j, c in zip(names.joints, names.coordinates, strict=True)}
+    moves = {int(model.jnt_bodyid[j]): name for name, j in _joints(simulator).items()}
     for word in (place, place.rpartition(".")[0]):
         if word in joints:
             return joints[word]
@@ -148,7 +156,7 @@ def _joint(simulator: MjcfSimulator, place: str) -> str:
 
 def _seen(simulator: MjcfSimulator, states: FloatArray) -> Seen:
     """The posture and the view in which joints and bodies lie furthest apart, along the joints' axes if possible."""
-    mj, model, joints = mujoco(), simulator.body.base, list(simulator.body.names.joints)
+    mj, model, joints = mujoco(), simulator.body.base, [*_joints(simulator).values()]
     qpos, _ = simulator.layout.full(np.nan_to_num(states[evenly(len(states), POSTURES)]))
     at, best = poses(model, qpos), (-1.0, 0, 0.0, 0.0, np.eye(3))
     points = np.concatenate([at.anchor[:, joints], at.centre[:, 1:]], axis=1)
@@ -174,7 +182,7 @@ def _draw_robot(
 
     levels: of every joint how far along the scale its colour is.
     """
-    seen, names, model = _seen(simulator, states), simulator.body.names, copy.copy(simulator.body.base)
+    seen, model, joints = _seen(simulator, states), copy.copy(simulator.body.base), _joints(simulator)
     data, geoms = seen.data, shown_geoms(model)
     skeleton, bare = sticks(model, ()), sticks(model, set(model.geom_bodyid[geoms].tolist()))
 
@@ -186,7 +194,7 @@ def _draw_robot(
     turns, boxes = data.geom_xmat[geoms].reshape(-1, 3, 3), model.geom_aabb[geoms][:, None]
     corners = np.einsum("gij,gkj->gki", turns, boxes[..., :3] + CORNERS * boxes[..., 3:])
     corners += data.geom_xpos[geoms][:, None]
-    anchors = data.xanchor[list(names.joints)]
+    anchors = data.xanchor[[*joints.values()]]
     around = [ends(skeleton).reshape(-1, 3), corners.reshape(-1, 3), anchors]
     every = np.concatenate(around) @ seen.axes.T
     low, up = every.min(axis=0), every.max(axis=0)
@@ -198,8 +206,8 @@ def _draw_robot(
         return np.asarray((points @ seen.axes.T - middle)[..., :2] * scale + room / 2 + (0.0, BELOW))
 
     level = np.zeros(model.nbody)
-    for j, c in zip(names.joints, names.coordinates, strict=True):
-        level[model.jnt_bodyid[j]] += levels[c.name]
+    for name, j in joints.items():
+        level[model.jnt_bodyid[j]] += levels[name]
     tints = np.where((model.body_weldid == 0)[:, None], to_rgb(GRID), SCALE(level[model.body_weldid])[:, :3])
     model.geom_rgba[:], model.geom_matid[:] = 0.0, -1
     model.geom_rgba[geoms] = np.column_stack([tints[model.geom_bodyid[geoms]], np.ones(len(geoms))])
@@ -216,4 +224,4 @@ def _draw_robot(
     else:
         for (body, *_), two in zip(skeleton, flat(ends(skeleton)), strict=True):
             axis.plot(*two.T, color=tints[body], linewidth=7, solid_capstyle="round", zorder=1)
-    return {c.name: tuple(at) for c, at in zip(names.coordinates, flat(anchors).tolist(), strict=True)}
+    return dict(zip(joints, map(tuple, flat(anchors).tolist()), strict=True))
