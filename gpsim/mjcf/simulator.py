@@ -273,7 +273,9 @@ class MjcfSimulator(Simulator):
     def weighed(self) -> frozenset[str]:
         """Those of every body but the ones at free joints, and the ground's."""
         model, names = self._body.base, self._body.names
-        free = {int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs}
+        free = {
+            int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs
+        }
         others = {name for b, name in enumerate(names.bodies) if b not in free}
         return frozenset(others | {p for p in self.parameters if p.rpartition(".")[0] in others})
 

@@ -275,7 +275,8 @@ def rollout_judge(
     Rollouts begin in measured states, unless some were not measured, or their noise makes too much of the errors.
     """
     noise = sensor_noise(question, leader)
-    if question.everything.observed.all():
+    simulator = question.everything.simulator
+    if (question.everything.observed | np.isin(simulator.state.names, simulator.settled)).all():
         found = judge_at(question, leader, null, noise, rng, rollout_windows(question))
         mismatch = found.mismatch
         before, floor = mismatch.before.sum(axis=0), mismatch.floor.sum(axis=0)
@@ -413,7 +414,8 @@ def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothes
     )
     part, white = problem.on(begun), np.maximum(problem.floor, LEAST_NOISE * problem.scale)
     noise = Noise(white, np.ones(len(white)), np.asarray(part.counted, dtype=float))
-    starts = fit(part, hypothesis.frozen(), part.windows.measured[:, 0], LEAD_ROUNDS, noise).starts
+    rounds = LEAD_ROUNDS if closed(problem.simulator) is None else 1  # of robots each is dear
+    starts = fit(part, hypothesis.frozen(), part.windows.measured[:, 0], rounds, noise).starts
     return predicted(problem, windows, hypothesis, starts=starts)
 
 

@@ -99,7 +99,9 @@ class Search:
             self.tell_noise()
         simulator = self.shooting.problem.simulator
         asked = {*(c.name for c in simulator.coordinates), *simulator.drives} if known else set[str]()
-        rest = [law for law in usual if law.has_slope and not (self.account.holds(law) or (known and law.of_row))]
+        rest = [
+            law for law in usual if law.has_slope and not (self.account.holds(law) or (known and law.of_row))
+        ]
         for law in self._independent([law for law in rest if law.candidate.place.on not in asked]):
             nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
             self.account = self._with(law, nothing)

@@ -64,6 +64,7 @@ DRY_WINDOWS = 12  # windows on which that is asked, of every joint
 UNSTABLE = 10.0
 """Times as far apart that two simulations may be at a window's end that began slightly apart: on poles that fall longer
 windows lead fits into local minima; robots that are held stay below 7."""
+BETWEEN_IMPACTS = 0.1  # s, of a window of what stands or walks: which foot touches when soon differs
 SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
 
 BLOCKS = 40  # of an episode, in which means of commands are put in their place
@@ -149,7 +150,8 @@ def prepare(
         machine = cache(partial(_likely_machine, _sample(problem), seen))
         problem = stepped(_sample(problem), machine)
         length = _steady_length(problem.on(spread_out(training, searched, fewest)), machine)
-        import os; length=min(length,int(os.environ.get("LEN","100")))
+        if simulator.stands(training.measured[training.valid]):
+            length = min(length, max(round(BETWEEN_IMPACTS / problem.dt), SHORTEST_UNSTABLE))
         if length < training.length:  # unstable motion would drive apart what began alike
             training, held = _parted(seen, length, settings)
         sized = made(seen, training)
