@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.effects.effect import Values
 from gpsim.effects.term import Term
-from gpsim.simulators import Simulator
+from gpsim.simulators import Memory, Simulator
 
 
 @runtime_checkable
@@ -64,10 +64,12 @@ class ClosedStep(Protocol):
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): the states after each of K substeps of `step` (B,) s, which begin at t (B,) s in state (B, S).
 
         commands: (B, K, A) that reach it; extra: (B, R) added to the rates throughout. A negative step looks back.
+        strained: how far bristles are bent and drives twisted, by their terms, which moves on; not at all without it.
         """
         ...
 

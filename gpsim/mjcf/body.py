@@ -52,6 +52,17 @@ class Body:
         """See `motors_on`."""
         return motors_on(self.model, self.names)
 
+    @cached_property
+    def coupled(self) -> dict[str, tuple[str, float]]:
+        """Action -> the joint that it alone drives by a multiple of its command, and that multiple."""
+        model, out = self.model, {}
+        for on, motors in self.motors.items():
+            i, none = motors[0], mujoco().mjtBias.mjBIAS_NONE
+            strength = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
+            if len(motors) == 1 and int(model.actuator_biastype[i]) == none and strength > 0.0:
+                out[self.names.action.names[i]] = on, strength
+        return out
+
     @property
     def own_step(self) -> float:
         """The model's step [s]."""

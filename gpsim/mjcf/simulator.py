@@ -25,7 +25,7 @@ from gpsim.mjcf.rolling import Rolling
 from gpsim.mjcf.stepping import Plan
 from gpsim.mjcf.surfaces import touched
 from gpsim.recordings import evenly
-from gpsim.simulators import Integrator, Parameters, Simulator
+from gpsim.simulators import Integrator, Memory, Parameters, Simulator
 
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
@@ -125,6 +125,11 @@ class MjcfSimulator(Simulator):
     def driven(self) -> dict[str, str]:
         """None: what its drives give is within its step."""
         return {}
+
+    def coupled(self) -> dict[str, tuple[str, float]]:
+        """See `Simulator.coupled`: motors, no servos."""
+        known = {c.name for c in self.coordinates}
+        return {action: drive for action, drive in self._body.coupled.items() if drive[0] in known}
 
     @property
     def served(self) -> tuple[str, ...]:
@@ -325,10 +330,11 @@ class MjcfSimulator(Simulator):
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): see `gpsim.effects.ClosedStep`."""
         plan = Plan(self._body, tuple(terms), parameters)
-        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra)
+        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra, strained)
 
     def _looked(
         self,

@@ -50,7 +50,7 @@ class Offers:
         here = {
             o.key: self._started(o, part)
             for o in laws
-            if not o.has_slope and o.candidate.place.on == of.candidate.place.on
+            if not o.has_slope and (o.stiff or o.candidate.place.on == of.candidate.place.on)
         }
         return self._promised(laws, r, Lines(slopes, part), here)
 
