@@ -221,7 +221,8 @@ class Chain:
     def unbent(self, count: int) -> Memory:
         """Bristles that are not bent, and elastic drives that are not twisted, of a batch."""
         bristles = {bend_key(i): np.zeros(count) for i, _ in self.bristles}
-        return bristles | {bend_key(i): np.zeros((count, 2)) for i, *_ in self.elastic}
+        elastic = {bend_key(i): np.zeros((count, 2)) for i, *_ in self.elastic}
+        return bristles | elastic | (self.closed.rest(count) if self.closed is not None else {})
 
     def _advanced(
         self,

@@ -50,6 +50,28 @@ class ClosedStep(Protocol):
         """(B, C): the force on every coordinate that is lacking where they accelerate so (B, C), with these terms."""
         ...
 
+    def rest(self, count: int) -> Memory:
+        """What its own actuators remember (B, ...) where an episode begins; empty where they remember nothing."""
+        ...
+
+    def led(
+        self,
+        first: FloatArray,
+        before: FloatArray,
+        commands: FloatArray,
+        steps: FloatArray,
+        commanded: FloatArray,
+    ) -> Memory:
+        """The same after commands (B, K, A), each held so long (B, K) s, in states before (B, K, S).
+
+        first: (B, S) where the episode began; commanded: (B, A) what was commanded before all that, times how long.
+        """
+        ...
+
+    def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
+        """(N, A): what its actuators make of the commands of an episode with the clock t (N + 1,) s, in the mean."""
+        ...
+
     def hindered(self, states: FloatArray) -> BoolArray:
         """(N, C): which coordinates something else pushes: a limit of theirs, or what touches."""
         ...
@@ -69,7 +91,8 @@ class ClosedStep(Protocol):
         """(B, K, S): the states after each of K substeps of `step` (B,) s, which begin at t (B,) s in state (B, S).
 
         commands: (B, K, A) that reach it; extra: (B, R) added to the rates throughout. A negative step looks back.
-        strained: how far bristles are bent and drives twisted, by their terms, which moves on; not at all without it.
+        strained: how far bristles are bent and drives twisted, by their terms, and what `rest` and `led` say, which
+        moves on; else nothing is bent or twisted, and commands have long been what they are.
         """
         ...
 

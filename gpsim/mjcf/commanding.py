@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from gpsim.effects import ActuatorEffect, ForceEffect, Term
 from gpsim.mjcf.body import Body
+from gpsim.mjcf.motors import plain_drive
 from gpsim.mjcf.optional import mujoco
 
 AFFINE = ("actuator_gain", "actuator_bias")
@@ -61,10 +62,8 @@ def _actuator(body: Body, index: int) -> str:
 
 def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None) -> int:
     """How many effects at the end of a command's way MJCF can say; step None: neither limits nor delays."""
-    mj, model = mujoco(), body.base
-    plain = int(model.actuator_gaintype[index]) == mj.mjtGain.mjGAIN_FIXED and int(
-        model.actuator_biastype[index]
-    ) in (mj.mjtBias.mjBIAS_NONE, mj.mjtBias.mjBIAS_AFFINE)
+    model = body.base
+    plain = plain_drive(model, index)
     count = 0
     while plain and count < len(way) and way[-1 - count].family in AFFINE and not way[-1 - count].gate.region:
         count += 1

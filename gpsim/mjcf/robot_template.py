@@ -56,6 +56,12 @@ class Robot:
         if qvel is not None:
             self.data.qvel[:] = qvel
         mujoco.mj_forward(self.model, self.data)
+        for i in np.flatnonzero(self.model.actuator_biasprm[:, 1] * self.model.actuator_actnum):
+            held, limits = float(self.data.actuator_length[i]), self.model.actuator_actrange[i]
+            held = float(np.clip(held, *limits)) if self.model.actuator_actlimited[i] else held
+            self.data.act[self.model.actuator_actadr[i]] = (
+                held  # a servo that filters or integrates holds its joint
+            )
         actuators = {self.model.actuator(name).id: way for name, way in PATCH["commands"].items()}
         self._ways = {i: [Effect(e, self._h) for e in way] for i, way in actuators.items()}
         self._clock = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
 from gpsim.effects import RateEffect, Values
+from gpsim.mjcf.activation import KEY
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.layout import Layout
@@ -100,6 +101,33 @@ class Rolling:
         qpos, qvel = self.layout.full(state)
         pool.begin(qpos, qvel, step)
         pool.write(fields.own, count)
+        acts, b = self.body.activations, pool.simulations
+        if acts:
+            b.bind("ctrl")[:count] = commands[:, 0]
+            alone = np.where(acts.integrates, np.nan, acts.held(commands[:, 0]))
+            acts.begin(pool, strained.get(KEY, alone))
+        out = self._advanced(
+            simulator, plan, values, pool, fields, commands, step, t, extra, shares, strained
+        )
+        if KEY in strained:
+            strained[KEY][:] = b.bind("act")[:count]
+        return out
+
+    def _advanced(
+        self,
+        simulator: Simulator,
+        plan: Plan,
+        values: Sequence[Values],
+        pool: Pool,
+        fields: Fields,
+        commands: FloatArray,
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None,
+        shares: Mapping[int, FloatArray],
+        strained: Memory,
+    ) -> FloatArray:
+        count = len(step)
         if (plan.passing and not shares) or extra is not None:
             return self._stepwise(simulator, plan, values, pool, fields, commands, step, t, extra, strained)
         if FORCE in fields:
@@ -239,6 +267,8 @@ class Rolling:
         b.bind("ctrl")[:count] = action
         if FORCE in fields:
             b.bind(FORCE)[:count] = fields[FORCE]
+        if self.body.activations:
+            self.body.activations.begin(pool, self.body.activations.held(action))
         for name in ("M", "ncon", "nl"):
             b.bind(name)
         with quiet():

@@ -12,6 +12,7 @@ import numpy as np
 from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
+from gpsim.mjcf.activation import KEY
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.geometry import Moved
@@ -145,6 +146,42 @@ class MjcfSimulator(Simulator):
             out[on] = given(self._body.model, motors, action, where, speed, {})
         return out
 
+    def rest(self, count: int) -> Memory:
+        """See `gpsim.effects.ClosedStep`: activations."""
+        acts = self._body.activations
+        return {KEY: acts.rest(count)} if acts else {}
+
+    def led(
+        self,
+        first: FloatArray,
+        before: FloatArray,
+        commands: FloatArray,
+        steps: FloatArray,
+        commanded: FloatArray,
+    ) -> Memory:
+        """See `gpsim.effects.ClosedStep`."""
+        acts, model, names = self._body.activations, self._body.model, self._body.names
+        begun = np.zeros((len(first), len(acts.actuators)))
+        for k in np.flatnonzero(acts.follows):
+            joint = names.drives.get(names.action.names[i := acts.actuators[k]], "")
+            if joint in self.state.names:
+                begun[:, k] = float(model.actuator_gear[i, 0]) * first[:, self.state.index(joint)]
+        moved = (before != first[:, None]).any(axis=2) | (commands != 0.0).any(axis=2)
+        known = np.maximum.accumulate(moved, axis=1)
+        settled = np.where(known[:, :1], acts.held(commands[:, 0]), begun)
+        integral = np.clip(begun + commanded[:, acts.actuators], acts.low, acts.high)
+        level = np.where(acts.integrates, integral, settled)
+        return {KEY: acts.after(commands, np.where(known, steps, 0.0), level)[0]}
+
+    def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
+        """See `gpsim.effects.ClosedStep`."""
+        acts, out = self._body.activations, np.array(actions)
+        if acts and len(actions):
+            first = np.where(acts.integrates, 0.0, acts.held(actions[:1]))
+            means = acts.after(actions[None], np.diff(t)[None], first)[1][0]
+            out[:, acts.actuators[~acts.flows]] = means[:, ~acts.flows]
+        return out
+
     @property
     def layout(self) -> Layout:
         """Where its channels lie in the model's positions and velocities."""
@@ -177,8 +214,8 @@ class MjcfSimulator(Simulator):
         return self._like(exact=False)
 
     def exact(self) -> MjcfSimulator:
-        """The same by the classical Runge-Kutta scheme, whatever the model says."""
-        return self._like(exact=True)
+        """The same by the classical Runge-Kutta scheme, whatever the model says; currents are too fast for it."""
+        return self if self._body.activations.flows.any() else self._like(exact=True)
 
     def around(self, states: FloatArray) -> MjcfSimulator:
         """The same for motion near these states (N, S): where nothing comes near anything, nothing is looked for."""

@@ -23,14 +23,30 @@ def strains(
     chain: Chain, windows: Windows, rows: IntArray, starts: FloatArray, values: Sequence[Values]
 ) -> Memory:
     """Of rows (B,) of windows that start at (B, S), by term; where nothing had moved nothing is bent or twisted."""
+    led = {} if chain.closed is None else chain.closed.rest(len(rows))
+    if led:
+        rested = windows.rested[rows][:, None]
+        led = {k: np.where(rested, led[k], v) for k, v in _led(chain, windows, rows, values).items()}
     if not chain.yields:
-        return {}
+        return led
     windows = windows.remembering(BACK)
     out = _bends(chain, windows, rows, starts, values) if chain.bristles else {}
     out |= _twists(chain, windows, rows, values) if chain.elastic else {}
     for strain in out.values():
         strain[windows.rested[rows]] = 0.0
-    return out
+    return out | led
+
+
+def _led(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values]) -> Memory:
+    """What the simulator's own actuators remember, of commands as they arrived."""
+    assert chain.closed is not None
+    clock, before = windows.before_t[rows], windows.before_states[rows]
+    steps = np.maximum(np.diff(clock, axis=1), 1e-9)
+    actions = _acted(chain, windows.before_actions[rows], steps, clock[:, :-1], values)
+    first = before[:, 0] if windows.first is None else windows.first[rows]
+    none = np.zeros((len(rows), actions.shape[2]))
+    commanded = none if windows.commanded is None else windows.commanded[rows]
+    return chain.closed.led(first, before, actions, steps, commanded)
 
 
 def _bends(

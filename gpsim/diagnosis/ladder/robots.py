@@ -185,6 +185,7 @@ class _Log:
     def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
+        e = replace(e, actions=self.system.acting(e.actions, e.t))
         wraps, found = np.array(self.problem.simulator.state.wraps)[self.at], []
         weights = np.ones_like(e.states) if e.weights is None else e.weights
         good = np.flatnonzero(weights[:, self.at].min(axis=1) > 0)
