@@ -129,8 +129,8 @@ def test_all_that_a_model_includes_is_hashed(tmp_path):
             "theta is a ball joint",
         ),
         (
-            PENDULUM.replace("<motor name", '<general dyntype="filter" dynprm="0.1" name'),
-            "have an activation",
+            PENDULUM.replace("<motor name", '<muscle lengthrange="0 1" name'),
+            "has an activation that no command before it tells",
         ),
         ("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", "no hinge and no slide joint"),
     ],
