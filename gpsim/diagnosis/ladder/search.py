@@ -217,10 +217,10 @@ class Search:
         """Absent laws with a jump in an exact fit each, while one of them pays: slopes mislead from a wrong place."""
         for _ in range(4):
             absent = [law for law in laws if not self.account.holds(law)]
-            if not self.add_best(absent, PROBED):
+            if not self.add_best(self.offers(absent), PROBED):
                 return
 
-    def add_best(self, laws: Sequence[Law], most: int) -> bool:
+    def add_best(self, offers: Sequence[Offer], most: int) -> bool:
         """The absent law that pays most of those that promise most, in an exact fit; whether one pays.
 
         A law is worth what it gains under the noise as it is, or under the noise that it leaves, if that is more: a
@@ -228,7 +228,7 @@ class Search:
         """
         if not self.account.laws and self.left() <= 0.0:
             return False
-        found = sorted(self._offered(laws), key=lambda o: self.price(o.law) - o.gain)[:most]
+        found = sorted(offers, key=lambda o: self.price(o.law) - o.gain)[:most]
         best, most_worth, before = None, self.numbers.surely, self.profiled(self.account)
         for offer in found:
             added, hypothesis = self._without(self._held(offer.law)).plus(offer.law, offer.values)
@@ -302,7 +302,9 @@ class Search:
             return
         for _ in range(2 if self.dear else 6):
             asked = [law for law in self.laws if not (self.dear and law.stiff)]
-            if not self.add_best([law for law in asked if not self.account.holds(law)], PROBED + 1):
+            if not self.add_best(
+                self.offers([law for law in asked if not self.account.holds(law)]), PROBED + 1
+            ):
                 return
 
     def drives(self) -> None:
@@ -318,7 +320,8 @@ class Search:
             here = [
                 law for law in self.laws if law.stiff and not law.candidate.variant and self._at(law) == worst
             ]
-            if not self.add_best([law for law in here if not self.account.holds(law)], PROBED):
+            promised = self._of_drives([law for law in here if not self.account.holds(law)])
+            if not promised or not self.add_best(promised, PROBED):
                 return
 
     def _at(self, law: Law) -> str:
@@ -339,8 +342,8 @@ class Search:
         laws, hypothesis = self.account.without([index])
         return Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
 
-    def _offered(self, laws: Sequence[Law]) -> list[Offer]:
-        """Offers beside the account, or in the place of what a law of drives is when nothing yields."""
+    def _of_drives(self, laws: Sequence[Law]) -> list[Offer]:
+        """Offers that pay, beside the account or in the place of what a law of drives is when nothing yields."""
         out, offers = list[Offer](), Offers(self.shooting, self.account.fit)
         coupled = self.shooting.problem.simulator.coupled()
         for law in laws:
@@ -353,9 +356,9 @@ class Search:
             i = [p.name for p in law.candidate.declared].index(name)
             sized = replace(law, starts=tuple((*s[:i], size, *s[i + 1 :]) for s in law.starts))
             rows, part = self.account.rows[index], self._without(index).fit
-            found = offers.in_place([sized], self.account.laws[index], rows, part)
-            out += [replace(o, law=law) for o in found]
-        return out
+            (found,) = offers.in_place([sized], self.account.laws[index], rows, part)
+            out.append(Offer(found.gain - offers.lost(rows, part), law, found.values))
+        return [o for o in out if o.gain > self.price(o.law)]
 
     def on_all(self, everything: Problem) -> bool:
         """The account on all windows, on which what is slight shows; whether it was sought on fewer."""
