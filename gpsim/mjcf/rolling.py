@@ -106,42 +106,20 @@ class Rolling:
             b.bind("ctrl")[:count] = commands[:, 0]
             alone = np.where(acts.integrates, np.nan, acts.held(commands[:, 0]))
             acts.begin(pool, strained.get(KEY, alone))
-        out = self._advanced(
-            simulator, plan, values, pool, fields, commands, step, t, extra, shares, strained
-        )
-        if KEY in strained:
-            strained[KEY][:] = b.bind("act")[:count]
-        return out
-
-    def _advanced(
-        self,
-        simulator: Simulator,
-        plan: Plan,
-        values: Sequence[Values],
-        pool: Pool,
-        fields: Fields,
-        commands: FloatArray,
-        step: FloatArray,
-        t: FloatArray,
-        extra: FloatArray | None,
-        shares: Mapping[int, FloatArray],
-        strained: Memory,
-    ) -> FloatArray:
-        count = len(step)
         if (plan.passing and not shares) or extra is not None:
             return self._stepwise(simulator, plan, values, pool, fields, commands, step, t, extra, strained)
         if FORCE in fields:
-            pool.simulations.bind(FORCE)[:count] = fields[FORCE]
+            b.bind(FORCE)[:count] = fields[FORCE]
         with quiet():
-            made = pool.simulations.rollout(
-                commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count)
-            )
+            made = b.rollout(commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count))
         out = self.layout.state(made["qpos"], made["qvel"])
         (gone,) = np.nonzero(_gave_up(pool, count))
         for row in gone:
             same = (out[row, 1:] == out[row, :-1]).all(axis=1)
             stuck = np.flatnonzero(~same)
             out[row, stuck[-1] + 1 if len(stuck) else 0 :] = FAR
+        if KEY in strained:
+            strained[KEY][:] = b.bind("act")[:count]
         return out
 
     def _stepwise(
@@ -182,6 +160,8 @@ class Rolling:
                 yielding.move_on(pushed, at, out[:, k], values, bends)
             out[gone, k] = FAR
         force[:] = 0.0
+        if KEY in strained:
+            strained[KEY][:] = b.bind("act")[:count]
         return out
 
     def _write_passing(
