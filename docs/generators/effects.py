@@ -50,11 +50,12 @@ an actuator's lag.
 `clock_drift` makes commands later and later since the recording's clock began; it is asked where {TOLERATED:g} ppm
 come to a step at the end, and grows to 0.4 s at most, or to what a delay may be. A clock that is fast would have
 commands act before they are given, and is not asked.
-`flexible_coupling` is asked on request alone (`diagnose.families.also`), of a command that is the force that drives a
-coordinate, and not of MuJoCo models: three numbers and a swing of their own come near to delays, lags and whatever
-else swings. Its swing is integrated exactly over a step, however stiff it is.
-`lugre_friction` is asked on request alone, too, as bristles may bend by any way and each is tried; they are integrated
-exactly for an even speed, so that no stiffness asks for shorter steps. It is not asked of MuJoCo models.
+`flexible_coupling` is asked of a command that is the force that drives a coordinate, of a MuJoCo model of motors, and
+on request alone (`diagnose.families.also`) where a robot is not [asked by itself](../method/mujoco.md#what-yields):
+three numbers and a swing of their own come near to delays, lags and whatever else swings. Its swing is integrated
+exactly over a step, however stiff it is.
+`lugre_friction` is asked on request alone, too, but of robots, as bristles may bend by any way and each is tried; they
+are integrated exactly for an even speed, so that no stiffness asks for shorter steps.
 For [MuJoCo models](../how-to/mujoco.md) alone are {", ".join(OF_MODELS)}; the last where every joint has an actuator.
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a

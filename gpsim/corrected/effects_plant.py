@@ -125,7 +125,8 @@ class EffectsPlant:
             lengths,
             begin[:, None] + self._step * np.arange(several),
         )
-        path = self.chain.rolled(owner, state, commands, values, step, begin, extra)
+        bends = part_of(memory, "bristles/")
+        path = self.chain.rolled(owner, state, commands, values, step, begin, extra, bends)
         for k in range(several if self.chain.sensors.remember else 0):
             self.chain.sensors.watch(path[:, k], values, seen, step)
         memory["clock"] += several * self._step

@@ -1,6 +1,6 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
-from gpsim.effects.bristles import bent
+from gpsim.effects.bristles import bent, mean_force
 from gpsim.effects.brought import (
     Brought,
     again,
@@ -35,7 +35,7 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
-from gpsim.effects.elastic import twisted
+from gpsim.effects.elastic import transmitted, turned, twisted
 from gpsim.effects.forces import bend_key
 from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
@@ -107,6 +107,7 @@ __all__ = [
     "from_json",
     "has_patch",
     "installed",
+    "mean_force",
     "origins",
     "own_effect",
     "own_name",
@@ -121,6 +122,8 @@ __all__ = [
     "template",
     "times_beyond",
     "to_json",
+    "transmitted",
     "tried",
+    "turned",
     "twisted",
 ]

@@ -57,9 +57,10 @@ class Chain:
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        bends: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): the states after each of K substeps of `step` (B,) s, commands (B, K, A); see `ClosedStep`."""
-        return closed_step.rolled(self.terms, self.parameters, values, state, commands, step, t, extra)
+        return closed_step.rolled(self.terms, self.parameters, values, state, commands, step, t, extra, bends)
 
     @cached_property
     def refinement(self) -> int:
@@ -138,6 +139,8 @@ class Chain:
 
         bends: how far bristles are bent and drives twisted, which moves on; none are where nobody says it.
         """
+        if self.closed is not None:
+            return self.rolled(self.closed, state, action[:, None], values, step, t, extra, bends)[:, -1]
         if not self.yields:
             return self._advanced(state, action, values, step, t, extra, {})
         kept = self.unbent(len(state)) if bends is None else bends
@@ -157,14 +160,14 @@ class Chain:
         """Of elastic drives: the term, the columns of their command, and of the speed and rate of what they drive."""
         if not any(isinstance(t.effect, ElasticDrive) for t in self.terms):
             return []
-        simulator, driven = self.simulator, self.simulator.driven()
+        simulator, coupled = self.simulator, self.simulator.coupled()
         of = {c.name: c for c in simulator.coordinates}
         return [
             (
                 i,
                 simulator.action.index(t.on),
-                simulator.state.index(of[driven[t.on]].velocity),
-                simulator.rate.index(of[driven[t.on]].rate),
+                simulator.state.index(of[coupled[t.on][0]].velocity),
+                simulator.rate.index(of[coupled[t.on][0]].rate),
             )
             for i, t in enumerate(self.terms)
             if isinstance(t.effect, ElasticDrive)
@@ -218,7 +221,8 @@ class Chain:
     def unbent(self, count: int) -> Memory:
         """Bristles that are not bent, and elastic drives that are not twisted, of a batch."""
         bristles = {bend_key(i): np.zeros(count) for i, _ in self.bristles}
-        return bristles | {bend_key(i): np.zeros((count, 2)) for i, *_ in self.elastic}
+        elastic = {bend_key(i): np.zeros((count, 2)) for i, *_ in self.elastic}
+        return bristles | elastic | (self.closed.rest(count) if self.closed is not None else {})
 
     def _advanced(
         self,
@@ -230,8 +234,6 @@ class Chain:
         extra: FloatArray | None,
         bends: Mapping[int, FloatArray],
     ) -> FloatArray:
-        if self.closed is not None:
-            return self.rolled(self.closed, state, action[:, None], values, step, t, extra)[:, -1]
         shares = self._shares(state, action, values, step, t)
         parameters = self._corrected(values, shares)
         begun = (state, step) if self.scheme == "fine" else None

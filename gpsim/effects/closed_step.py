@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.effects.effect import Values
 from gpsim.effects.term import Term
-from gpsim.simulators import Simulator
+from gpsim.simulators import Memory, Simulator
 
 
 @runtime_checkable
@@ -59,6 +59,28 @@ class ClosedStep(Protocol):
         """(N, S) states and (N, R) rates along `positions` (3, N, Q) with their first two derivatives by time."""
         ...
 
+    def rest(self, count: int) -> Memory:
+        """What its own actuators remember (B, ...) where an episode begins; empty where they remember nothing."""
+        ...
+
+    def led(
+        self,
+        first: FloatArray,
+        before: FloatArray,
+        commands: FloatArray,
+        steps: FloatArray,
+        commanded: FloatArray,
+    ) -> Memory:
+        """The same after commands (B, K, A), each held so long (B, K) s, in states before (B, K, S).
+
+        first: (B, S) where the episode began; commanded: (B, A) what was commanded before all that, times how long.
+        """
+        ...
+
+    def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
+        """(N, A): what its actuators make of the commands of an episode with the clock t (N + 1,) s, in the mean."""
+        ...
+
     def hindered(self, states: FloatArray) -> BoolArray:
         """(N, C): which coordinates something else pushes: a limit of theirs, or what touches."""
         ...
@@ -73,10 +95,13 @@ class ClosedStep(Protocol):
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): the states after each of K substeps of `step` (B,) s, which begin at t (B,) s in state (B, S).
 
         commands: (B, K, A) that reach it; extra: (B, R) added to the rates throughout. A negative step looks back.
+        strained: how far bristles are bent and drives twisted, by their terms, and what `rest` and `led` say, which
+        moves on; else nothing is bent or twisted, and commands have long been what they are.
         """
         ...
 

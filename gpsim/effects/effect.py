@@ -57,6 +57,7 @@ class Effect(ABC):
     plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
     asked: ClassVar[bool] = True  # is it among what a diagnosis asks unless told otherwise?
+    of_robots: ClassVar[bool] = False  # else: is it asked of robots, of the joint at which most is left?
     sentence: ClassVar[str] = (
         ""  # what a person would say of it: {on} and the names of its parameters are filled in
     )

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
+from gpsim.mjcf.activation import Activations, activations_of
 from gpsim.mjcf.batches import Pools
 from gpsim.mjcf.geometry import Moved, corrected
 from gpsim.mjcf.knobs import HEAVIEST, Knob, gain_knob, place_knob, scale_knob
@@ -42,6 +43,7 @@ class Body:
     parameters: dict[str, Parameter]
     knobs: dict[str, Knob]
     surfaces: tuple[Surface, ...]
+    activations: Activations
     pools: Pools = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,6 +53,17 @@ class Body:
     def motors(self) -> dict[str, tuple[int, ...]]:
         """See `motors_on`."""
         return motors_on(self.model, self.names)
+
+    @cached_property
+    def coupled(self) -> dict[str, tuple[str, float]]:
+        """Action -> the joint that it alone drives by a multiple of its command, and that multiple."""
+        model, out = self.model, {}
+        for on, motors in self.motors.items():
+            i, none = motors[0], mujoco().mjtBias.mjBIAS_NONE
+            strength = float(model.actuator_gear[i, 0] * model.actuator_gainprm[i, 0])
+            if len(motors) == 1 and int(model.actuator_biastype[i]) == none and strength > 0.0:
+                out[self.names.action.names[i]] = on, strength
+        return out
 
     @property
     def own_step(self) -> float:
@@ -88,6 +101,9 @@ def body_of(
         model.opt.disableflags |= int(off.mjDSBL_CONTACT)
     if exact:
         model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
+        # Which that scheme makes exact: the other one it makes slow, and longer steps must not act a step early.
+        model.actuator_dyntype[model.actuator_dyntype == mj.mjtDyn.mjDYN_FILTEREXACT] = mj.mjtDyn.mjDYN_FILTER
+        model.actuator_actearly[:] = False
     model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE
     for coordinate, dof in zip(names.coordinates, names.dofs, strict=True):
         if coordinate.name in held:
@@ -98,7 +114,7 @@ def body_of(
     surfaces = surfaces_of(base, names, where)
     parameters |= {s.parameter: s.declared for s in surfaces}
     knobs |= {s.parameter: s.knob for s in surfaces}
-    return Body(loaded, base, model, names, parameters, knobs, surfaces)
+    return Body(loaded, base, model, names, parameters, knobs, surfaces, activations_of(base, where))
 
 
 def _let_friction_act(model: Any) -> None:
@@ -114,11 +130,6 @@ def _let_friction_act(model: Any) -> None:
 
 
 def _check(model: Any, where: str) -> None:
-    if int(model.na):
-        raise UsageError(
-            f"{where}: {int(model.na)} of its actuators have an activation (filter, integrator or muscle), "
-            "which no recording holds; leave it out of the model: a lag is what gpsim finds"
-        )
     if int(getattr(model, "nhistory", 0)):
         raise UsageError(
             f"{where}: it delays actuators or sensors itself; take delay= out of the model: gpsim finds delays"

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gpsim.effects import ActuatorEffect, ForceEffect, Term
+from gpsim.effects import ActuatorEffect, ElasticDrive, ForceEffect, Term
 from gpsim.mjcf.body import Body
+from gpsim.mjcf.motors import plain_drive
 from gpsim.mjcf.optional import mujoco
 
 AFFINE = ("actuator_gain", "actuator_bias")
@@ -33,38 +34,39 @@ def motors_of(
     """The actuators that MJCF can correct, what the wrapper does to commands, and what went where.
 
     Gain and bias at the end of the way are the motor's own; a limit or a delay before them, if nothing else acts and
-    no friction asks what the motor gives.
+    no friction asks what the motor gives. Nothing is where a spring is between motor and joint.
     """
     motors: list[Motor] = []
     commands: dict[str, list[dict[str, Any]]] = {}
     went: list[Placed] = []
     loaded = any(isinstance(t.effect, ForceEffect) and t.effect.loaded_by_command for t in terms)
+    elastic = {t.on for t in terms if isinstance(t.effect, ElasticDrive)}
     for index, name in enumerate(names):
         own = [t for t in terms if t.on == name and isinstance(t.effect, ActuatorEffect)]
         way = sorted(own, key=lambda t: t.effect.order)
         if not way:
             continue
-        native = _native_tail(body, index, way, None if loaded else step)
+        native = 0 if name in elastic else _native_tail(body, index, way, None if loaded else step)
         wrapped, tail = way[: len(way) - native], way[len(way) - native :]
         if tail:
             motors.append(_motor(index, tail))
         if wrapped:
-            commands[_actuator(body, index)] = [_told(t) for t in wrapped]
+            commands[actuator_name(body, name)] = [_told(t) for t in wrapped]
         went += [(t, "wrapper", _why(t)) for t in wrapped]
         went += [(t, "attribute", "") for t in tail]
     return motors, commands, went
 
 
-def _actuator(body: Body, index: int) -> str:
+def actuator_name(body: Body, action: str) -> str:
+    """What an action's actuator is called in the model."""
+    index = body.names.action.index(action)
     return str(body.base.actuator(index).name) or f"actuator{index}"
 
 
 def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None) -> int:
     """How many effects at the end of a command's way MJCF can say; step None: neither limits nor delays."""
-    mj, model = mujoco(), body.base
-    plain = int(model.actuator_gaintype[index]) == mj.mjtGain.mjGAIN_FIXED and int(
-        model.actuator_biastype[index]
-    ) in (mj.mjtBias.mjBIAS_NONE, mj.mjtBias.mjBIAS_AFFINE)
+    model = body.base
+    plain = plain_drive(model, index)
     count = 0
     while plain and count < len(way) and way[-1 - count].family in AFFINE and not way[-1 - count].gate.region:
         count += 1

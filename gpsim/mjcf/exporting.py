@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import difflib
+import inspect
 import pprint
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -12,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gpsim.effects import bent, turned
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import disk_errors, write_json
 from gpsim.mjcf.attributes import Change, apply, changes_of, named, written
@@ -26,6 +29,8 @@ from gpsim.mjcf.surfaces import surface_names
 from gpsim.mjcf.urdf_out import urdf_of
 
 SCHEMA = "gpsim.patch/1"
+YIELDING = (bent, turned)
+"""Of modules whose laws the wrapper holds where it needs them, as they are."""
 PATCH_FILE = "patch.json"
 SAME = 1e-4
 """Of a field: a model that comes back from its file further off is not the one that was written."""
@@ -148,7 +153,16 @@ def wrapper(told: Mapping[str, Any]) -> str:
     patch = pprint.pformat(dict(told), width=110, sort_dicts=False)
     empty = "PATCH: dict[str, Any] = {}"
     assert text.count(empty) == 1
+    if told["yields"]:
+        text += "".join(_laws(function) for function in YIELDING) + "\n\nLAWS.update(globals())\n"
     return text.replace(empty, f"PATCH: dict[str, Any] = {patch}").replace("MODEL", str(told["model"]), 1)
+
+
+def _laws(function: Callable[..., Any]) -> str:
+    """The functions and numbers of a function's module, without its head."""
+    source = Path(inspect.getfile(function)).read_text(encoding="utf-8")
+    own = [n for n in ast.parse(source).body if isinstance(n, (ast.Assign, ast.FunctionDef))]
+    return "".join(f"\n\n{ast.get_source_segment(source, node)}\n" for node in own)
 
 
 def largest_difference(wanted: Any, found: Any) -> float:

@@ -20,7 +20,9 @@ def motors_on(model: Any, names: Names) -> dict[str, tuple[int, ...]]:
         if action in names.drives:
             found[names.drives[action]].append(i)
     moved = {c.name for c in names.coordinates}
-    return {on: tuple(own) for on, own in found.items() if on in moved and all(_plain(model, i) for i in own)}
+    return {
+        on: tuple(own) for on, own in found.items() if on in moved and all(plain_drive(model, i) for i in own)
+    }
 
 
 def given(
@@ -53,7 +55,9 @@ def given(
     return np.clip(total, *model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else total
 
 
-def _plain(model: Any, index: int) -> bool:
+def plain_drive(model: Any, index: int) -> bool:
+    """Whether an actuator's force follows from its command and its joint alone: no activation, and no function."""
     mj = mujoco()
     gain, bias = int(model.actuator_gaintype[index]), int(model.actuator_biastype[index])
-    return gain == mj.mjtGain.mjGAIN_FIXED and bias in (mj.mjtBias.mjBIAS_NONE, mj.mjtBias.mjBIAS_AFFINE)
+    fixed = gain == mj.mjtGain.mjGAIN_FIXED and not model.actuator_actnum[index]
+    return fixed and bias in (mj.mjtBias.mjBIAS_NONE, mj.mjtBias.mjBIAS_AFFINE)

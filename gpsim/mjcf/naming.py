@@ -167,7 +167,8 @@ def _command_unit(model: Any, index: int) -> str:
         return "1"
     length, force = ("rad", "N m") if int(model.jnt_type[joint]) == mj.mjtJoint.mjJNT_HINGE else ("m", "N")
     if float(model.actuator_biasprm[index, 1]) != 0.0:
-        return length
+        integrates = int(model.actuator_dyntype[index]) == mj.mjtDyn.mjDYN_INTEGRATOR
+        return f"{length}/s" if integrates else length
     if float(model.actuator_biasprm[index, 2]) != 0.0:
         return f"{length}/s"
     return (

@@ -9,10 +9,20 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import RISE, ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
+from gpsim.effects import (
+    RISE,
+    ActuatorEffect,
+    BristleEffect,
+    ElasticDrive,
+    ForceEffect,
+    Measured,
+    SensorEffect,
+    Term,
+    effect_of,
+)
 from gpsim.mjcf.afloat import axes_of
 from gpsim.mjcf.body import Body
-from gpsim.mjcf.commanding import Motor, motors_of
+from gpsim.mjcf.commanding import Motor, actuator_name, motors_of
 from gpsim.mjcf.native import FORCE, Fields, native_of
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.stepping import Plan
@@ -87,6 +97,7 @@ def patch_of(correction: Correction) -> Patch:
         "laws": [],
         "forces": [],
         "drags": [],
+        "yields": [],
         "changes": [],
         "sensors": [],
     }
@@ -103,6 +114,14 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
     effect, told = term.effect, patch.told
     region = {name: [float(low), float(high)] for name, (low, high) in term.gate.region.items()}
     if isinstance(effect, ActuatorEffect):
+        return
+    if isinstance(effect, (BristleEffect, ElasticDrive)):
+        joint, strength = plan.body.coupled.get(term.on, (term.on, 1.0))
+        law = {"joint": joint, "strength": strength, "values": {**effect.takes, **_numbers(term)}}
+        told["yields"].append(
+            {**law, "motor": actuator_name(plan.body, term.on)} if joint != term.on else law
+        )
+        patch.went.append(Went(term, "wrapper", "MJCF has nothing that yields and remembers how far"))
         return
     if isinstance(effect, SensorEffect):
         elements = _elements(plan.body, _moved(plan, i, values)) if i in plan.lasting else ()

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 
 PATCH: dict[str, Any] = {}
+LAWS: dict[str, Any] = {}  # of what yields, from the end of this file, where anything does
 REST = 80  # control steps without a command before an episode
 STICKS = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of dry friction that holds
 
@@ -44,7 +45,8 @@ class Robot:
         joints = [self.model.joint(force["joint"]) for force in PATCH["forces"]]
         self._forces = [(j.dofadr[0], j.qposadr[0], f) for j, f in zip(joints, PATCH["forces"], strict=True)]
         fields = {change["field"] for change in PATCH["changes"]} | {"dof_frictionloss"}
-        fields |= {"qfrc_applied"} if self._forces or PATCH["drags"] else set()
+        pushed = self._forces or PATCH["drags"] or PATCH["yields"]
+        fields |= {"qfrc_applied"} if pushed else set()
         self._was = {name: np.array(self._field(name)) for name in fields}
         self.reset()
 
@@ -56,6 +58,12 @@ class Robot:
         if qvel is not None:
             self.data.qvel[:] = qvel
         mujoco.mj_forward(self.model, self.data)
+        for i in np.flatnonzero(self.model.actuator_biasprm[:, 1] * self.model.actuator_actnum):
+            held, limits = float(self.data.actuator_length[i]), self.model.actuator_actrange[i]
+            held = float(np.clip(held, *limits)) if self.model.actuator_actlimited[i] else held
+            self.data.act[self.model.actuator_actadr[i]] = (
+                held  # a servo that filters or integrates holds its joint
+            )
         actuators = {self.model.actuator(name).id: way for name, way in PATCH["commands"].items()}
         self._ways = {i: [Effect(e, self._h) for e in way] for i, way in actuators.items()}
         self._clock = 0.0
@@ -63,6 +71,7 @@ class Robot:
         for _ in range(0 if looks else REST * PATCH["substeps"]):  # a bias in front of a lag has arrived
             self._arriving(np.zeros(self.model.nu))
         self._clock = self.age
+        self._bends = [np.zeros((1, 2)) if "motor" in law else np.zeros(1) for law in PATCH["yields"]]
         late = [s["values"]["delay"] for s in PATCH["sensors"] if s["family"] == "sensor_delay"]
         depth = math.ceil(max(late, default=0.0) / self._h) + 2
         self._last = self._state()
@@ -76,7 +85,9 @@ class Robot:
             arriving = self._arriving(sent)
             self._act(arriving)
             self.data.ctrl[:] = arriving
+            pushed = self._push()
             mujoco.mj_step(self.model, self.data)
+            self._move_on(pushed)
             self._clock += self._h
             self._seen = [*self._seen[1:], self._followed()]
 
@@ -136,6 +147,42 @@ class Robot:
                 np.clip(force, *m.actuator_forcerange[i]) if m.actuator_forcelimited[i] else force
             )
         return float(np.clip(total, *m.jnt_actfrcrange[joint]) if m.jnt_actfrclimited[joint] else total)
+
+    def _push(self) -> list[tuple[int, float, np.ndarray, np.ndarray]]:
+        """What reaches joints through what yields; of each its dof and speed, what a unit does there, the command."""
+        m, d, out = self.model, self.data, []
+        for law in PATCH["yields"]:
+            dof = int(m.joint(law["joint"]).dofadr[0])
+            u = self._given(dof, self._state() | {"ctrl": d.ctrl}) / law["strength"]
+            out.append((dof, float(d.qvel[dof]), np.zeros((1, m.nv)), np.array([u])))
+        for law in PATCH["yields"]:
+            if "motor" in law:
+                d.ctrl[m.actuator(law["motor"]).id] = 0.0
+        if out:
+            mujoco.mj_forward(m, d)
+        own, h = d.qacc.copy(), np.array([self._h])
+        for law, bend, (dof, speed, moves, u) in zip(PATCH["yields"], self._bends, out, strict=True):
+            mujoco.mj_solveM(m, d, moves, np.eye(m.nv)[dof : dof + 1])
+            now, reacts = own[dof : dof + 1], law["strength"] * moves[0, dof : dof + 1]
+            if "motor" in law:
+                gets = LAWS["transmitted"](bend, u, now, reacts, h, law["values"])[0]
+            else:
+                gets = LAWS["mean_force"](bend, np.array([speed]), now, reacts, h, law["values"])[0]
+            d.qfrc_applied[dof] += law["strength"] * gets
+            own += law["strength"] * gets * moves[0]
+        return out
+
+    def _move_on(self, pushed: list[tuple[int, float, np.ndarray, np.ndarray]]) -> None:
+        """Twist and bend what yields by what a step made of it."""
+        h = np.array([self._h])
+        for law, bend, (dof, speed, moves, u) in zip(PATCH["yields"], self._bends, pushed, strict=True):
+            after = self.data.qvel[dof]
+            if "motor" in law:
+                moved, reacts = np.array([after - speed]) / h, law["strength"] * moves[0, dof : dof + 1]
+                bend[:] = LAWS["turned"](bend, u, moved, reacts, h, law["values"])
+            else:
+                mean = np.array([0.5 * (speed + after)])
+                bend[:], _ = LAWS["bent"](bend, mean * h, mean, law["values"])
 
     def _act(self, ctrl: np.ndarray) -> None:
         """Friction and fields that change with speed or place."""

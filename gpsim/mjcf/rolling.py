@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
 from gpsim.effects import RateEffect, Values
+from gpsim.mjcf.activation import KEY
 from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body
@@ -16,7 +17,8 @@ from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.stepping import Moment, Plan, shares_of, write_laws
-from gpsim.simulators import Simulator
+from gpsim.mjcf.yielding import Yielding
+from gpsim.simulators import Memory, Simulator
 
 FAR = 1e6  # where a simulation is that MuJoCo gave up
 BAD = ("mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC")
@@ -45,6 +47,7 @@ class Rolling:
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): see `gpsim.effects.ClosedStep`; simulator: whom laws of rates ask."""
         out = np.empty((*commands.shape[:2], self.layout.size))
@@ -52,9 +55,12 @@ class Rolling:
             part = [{name: value[rows] for name, value in v.items()} for v in values]
             more = None if extra is None else extra[rows]
             shares = {i: share[rows] for i, share in lasting.items()}
+            kept = {key: value[rows] for key, value in (strained or {}).items()}
             out[rows] = self._rolled(
-                simulator, plan, part, state[rows], commands[rows], step[rows], t[rows], more, shares
+                simulator, plan, part, state[rows], commands[rows], step[rows], t[rows], more, shares, kept
             )
+            for key, value in kept.items():
+                strained[key][rows] = value  # type: ignore[index]  # there are none otherwise
         return out
 
     def _alike(
@@ -89,6 +95,7 @@ class Rolling:
         t: FloatArray,
         extra: FloatArray | None,
         shares: Mapping[int, FloatArray],
+        strained: Memory,
     ) -> FloatArray:
         if len(step) and step[0] < 0.0:
             return self._backwards(plan, values, state, commands, step, t)
@@ -99,20 +106,25 @@ class Rolling:
         qpos, qvel = self.layout.full(state)
         pool.begin(qpos, qvel, step)
         pool.write(fields.own, count)
+        acts, b = self.body.activations, pool.simulations
+        if acts:
+            b.bind("ctrl")[:count] = commands[:, 0]
+            alone = np.where(acts.integrates, np.nan, acts.held(commands[:, 0]))
+            acts.begin(pool, strained.get(KEY, alone))
         if (plan.passing and not shares) or extra is not None:
-            return self._stepwise(simulator, plan, values, pool, fields, commands, step, t, extra)
+            return self._stepwise(simulator, plan, values, pool, fields, commands, step, t, extra, strained)
         if FORCE in fields:
-            pool.simulations.bind(FORCE)[:count] = fields[FORCE]
+            b.bind(FORCE)[:count] = fields[FORCE]
         with quiet():
-            made = pool.simulations.rollout(
-                commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count)
-            )
+            made = b.rollout(commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count))
         out = self.layout.state(made["qpos"], made["qvel"])
         (gone,) = np.nonzero(_gave_up(pool, count))
         for row in gone:
             same = (out[row, 1:] == out[row, :-1]).all(axis=1)
             stuck = np.flatnonzero(~same)
             out[row, stuck[-1] + 1 if len(stuck) else 0 :] = FAR
+        if KEY in strained:
+            strained[KEY][:] = b.bind("act")[:count]
         return out
 
     def _stepwise(
@@ -126,6 +138,7 @@ class Rolling:
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None,
+        strained: Memory,
     ) -> FloatArray:
         """Substep by substep: laws, gates and rates that are added are looked at where each begins."""
         count, ids, b = len(step), np.arange(len(step)), pool.simulations
@@ -133,6 +146,8 @@ class Rolling:
         out = np.empty((*commands.shape[:2], self.layout.size))
         lasting = {name: np.array(v) for name, v in fields.own.items()}
         gone = np.zeros(count, dtype=np.bool_)
+        yielding = Yielding(plan, self.columns)
+        bends = yielding.begun(count, strained)
         for k in range(commands.shape[1]):
             state = self.layout.state(qpos, qvel)
             at = Moment(state, commands[:, k], t + k * step, step)
@@ -141,12 +156,17 @@ class Rolling:
             if added is not None:
                 qvel += step[:, None] * added
             b.bind("ctrl")[:count] = commands[:, k]
+            pushed = yielding.push(pool, at, values, bends, lasting) if yielding else None
             with quiet():
                 b.step(ids)
             gone |= _gave_up(pool, count)
             out[:, k] = self.layout.state(qpos, qvel)
+            if pushed is not None:
+                yielding.move_on(pushed, at, out[:, k], values, bends)
             out[gone, k] = FAR
         force[:] = 0.0
+        if KEY in strained:
+            strained[KEY][:] = b.bind("act")[:count]
         return out
 
     def _write_passing(
@@ -232,6 +252,8 @@ class Rolling:
         b.bind("ctrl")[:count] = action
         if FORCE in fields:
             b.bind(FORCE)[:count] = fields[FORCE]
+        if self.body.activations:
+            self.body.activations.begin(pool, self.body.activations.held(action))
         for name in ("M", "ncon", "nl"):
             b.bind(name)
         with quiet():

@@ -12,6 +12,7 @@ import numpy as np
 from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
+from gpsim.mjcf.activation import KEY
 from gpsim.mjcf.afloat import axes_of
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
@@ -27,7 +28,7 @@ from gpsim.mjcf.rolling import Rolling
 from gpsim.mjcf.stepping import Plan
 from gpsim.mjcf.surfaces import touched
 from gpsim.recordings import evenly
-from gpsim.simulators import Integrator, Parameters, Simulator
+from gpsim.simulators import Integrator, Memory, Parameters, Simulator
 
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 STANDS = 0.1  # of the states, in which what stands or walks touches at least
@@ -132,6 +133,11 @@ class MjcfSimulator(Simulator):
         """None: what its drives give is within its step."""
         return {}
 
+    def coupled(self) -> dict[str, tuple[str, float]]:
+        """See `Simulator.coupled`: motors, no servos."""
+        known = {c.name for c in self.coordinates}
+        return {action: drive for action, drive in self._body.coupled.items() if drive[0] in known}
+
     @property
     def served(self) -> tuple[str, ...]:
         """Joints whose motors' forces follow from commands and the joint alone."""
@@ -144,6 +150,42 @@ class MjcfSimulator(Simulator):
         for on, motors in self._body.motors.items():
             where, speed = state[:, index(on)], state[:, index(velocities[on])]
             out[on] = given(self._body.model, motors, action, where, speed, {})
+        return out
+
+    def rest(self, count: int) -> Memory:
+        """See `gpsim.effects.ClosedStep`: activations."""
+        acts = self._body.activations
+        return {KEY: acts.rest(count)} if acts else {}
+
+    def led(
+        self,
+        first: FloatArray,
+        before: FloatArray,
+        commands: FloatArray,
+        steps: FloatArray,
+        commanded: FloatArray,
+    ) -> Memory:
+        """See `gpsim.effects.ClosedStep`."""
+        acts, model, names = self._body.activations, self._body.model, self._body.names
+        begun = np.zeros((len(first), len(acts.actuators)))
+        for k in np.flatnonzero(acts.follows):
+            joint = names.drives.get(names.action.names[i := acts.actuators[k]], "")
+            if joint in self.state.names:
+                begun[:, k] = float(model.actuator_gear[i, 0]) * first[:, self.state.index(joint)]
+        moved = (before != first[:, None]).any(axis=2) | (commands != 0.0).any(axis=2)
+        known = np.maximum.accumulate(moved, axis=1)
+        settled = np.where(known[:, :1], acts.held(commands[:, 0]), begun)
+        integral = np.clip(begun + commanded[:, acts.actuators], acts.low, acts.high)
+        level = np.where(acts.integrates, integral, settled)
+        return {KEY: acts.after(commands, np.where(known, steps, 0.0), level)[0]}
+
+    def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
+        """See `gpsim.effects.ClosedStep`."""
+        acts, out = self._body.activations, np.array(actions)
+        if acts and len(actions):
+            first = np.where(acts.integrates, 0.0, acts.held(actions[:1]))
+            means = acts.after(actions[None], np.diff(t)[None], first)[1][0]
+            out[:, acts.actuators[~acts.flows]] = means[:, ~acts.flows]
         return out
 
     @property
@@ -178,8 +220,8 @@ class MjcfSimulator(Simulator):
         return self._like(exact=False)
 
     def exact(self) -> MjcfSimulator:
-        """The same by the classical Runge-Kutta scheme, whatever the model says."""
-        return self._like(exact=True)
+        """The same by the classical Runge-Kutta scheme, whatever the model says; currents are too fast for it."""
+        return self if self._body.activations.flows.any() else self._like(exact=True)
 
     def around(self, states: FloatArray) -> MjcfSimulator:
         """The same for motion near these states (N, S): where nothing comes near anything, nothing is looked for."""
@@ -380,10 +422,11 @@ class MjcfSimulator(Simulator):
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None = None,
+        strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): see `gpsim.effects.ClosedStep`."""
         plan = Plan(self._body, tuple(terms), parameters)
-        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra)
+        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra, strained)
 
     def _looked(
         self,

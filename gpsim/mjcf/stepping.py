@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.effects import ForceEffect, ParameterEffect, RateEffect, Term, Values
+from gpsim.effects import BristleEffect, ElasticDrive, ForceEffect, ParameterEffect, RateEffect, Term, Values
 from gpsim.errors import UsageError
 from gpsim.mjcf.afloat import Axis
 from gpsim.mjcf.body import Body
@@ -39,9 +39,8 @@ class Plan:
     @cached_property
     def passing(self) -> list[int]:
         """Indices of terms that are written at every substep."""
-        acts = [
-            i for i, t in enumerate(self.terms) if t.effect.site not in PASSED_ON or native_of(t, self.body)
-        ]
+        own = [t.effect.site not in PASSED_ON or isinstance(t.effect, ElasticDrive) for t in self.terms]
+        acts = [i for i, t in enumerate(self.terms) if own[i] or native_of(t, self.body)]
         return [i for i in acts if i not in self.lasting]
 
     @cached_property
@@ -102,6 +101,8 @@ class Plan:
             return native.fields
         if isinstance(effect, ParameterEffect):
             return tuple(field for on in term.places for field in parameter_fields(self.body, on))
+        if isinstance(effect, (BristleEffect, ElasticDrive)):
+            return (FORCE,)
         if isinstance(effect, ForceEffect):
             return FRICTION if effect.dry else (FORCE,)
         if isinstance(effect, RateEffect):

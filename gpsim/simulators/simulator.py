@@ -166,6 +166,10 @@ class Simulator(ABC):
                 found[action] = of[0]
         return found
 
+    def coupled(self) -> dict[str, tuple[str, float]]:
+        """Action -> the coordinate that its drive may turn through a spring, and what force a unit of it is."""
+        return {action: (on, 1.0) for action, on in self.driven().items()}
+
     def with_state(self, state: Channels) -> Simulator | None:
         """The same with channels of which others wrap, from a simulator that makes it itself; else None."""
         return None

@@ -81,6 +81,14 @@ WRAPPED = {
     "sensor lag, late": [
         Term("sensor_delay", "elbow", {"delay": 0.005}), Term("sensor_lag", "elbow", {"time_constant": 0.02}),
     ],
+    "a drive that gives": [
+        Term("flexible_coupling", "m2", {"stiffness": 6.0, "damping": 0.02, "inertia": 0.02}),
+        Term("actuator_gain", "m2", {"gain": 0.9}), Term("coulomb_friction", "elbow", {"force": 0.02}),
+    ],
+    "bristles": [
+        Term("lugre_friction", "elbow", {"force": 0.05, "stiffness": 3.0}),
+        Term("lugre_friction", "shoulder", {"force": 0.1, "static_force": 0.2, "stribeck_velocity": 0.2, "stiffness": 9.0}, variant="stribeck"),
+    ],
     "force by speed": [Term("force_curve", "elbow", SLOPE, variant="speed")],
     "force by place": [Term("force_curve", "elbow", SLOPE, variant="position")],
     "measured friction": [Term("force_curve", "elbow", GRIP, variant="friction")],

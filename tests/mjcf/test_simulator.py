@@ -352,11 +352,15 @@ def test_a_gap_between_orientations_is_half_the_turn_between_them(tmp_path):
     assert 2.0 * floating.gap(moved, said[:1])[0, 4:7] == pytest.approx([0.01, -0.02, 0.015], rel=1e-3)
 
 
-def test_of_a_free_joint_no_effect_is_asked(tmp_path):
+def test_of_a_free_joint_what_acts_along_its_axes_is_asked(tmp_path):
     floating = load_mjcf(written(tmp_path, FLOATING))
-    places = [on for effect in FAMILIES.values() for on in effect.places(floating)]
-    assert "hip" in places
-    assert not [on for on in places if on.startswith("root")]
+    places = {
+        (f, on) for f, effect in FAMILIES.items() for on in effect.places(floating) if on.startswith("root")
+    }
+    along = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+    asked = {(f, f"root.{a}") for f in ("viscous_friction", "quadratic_drag") for a in along}
+    asked |= {("constant_force", f"root.{a}") for a in ("x", "y", "z", "roll", "pitch", "yaw")}
+    assert places == asked
 
 
 def test_the_force_that_is_lacking_is_what_inverse_dynamics_say(double):

@@ -197,7 +197,7 @@ def test_robots_of_other_people_open(path):
     try:
         simulator = load_mjcf(str(path))
     except UsageError as error:
-        assert "no hinge and no slide joint" in str(error)
+        assert "it has no joint" in str(error)
         return
     state, command = simulator.rest_state[None], np.zeros((1, len(simulator.action)))
     assert np.isfinite(simulator.rates(state, command, simulator.defaults())).all()

@@ -38,6 +38,8 @@ class Windows:
     the gap: what was commanded last is held in it. fresh: (W,) what was commanded before the window is not known: it
     begins its episode, or rows were `lost` (W,) before it (None: nowhere). weights: (W, L + 1, S) what each sample
     counts, 0 if nothing (a stale packet), None: all alike. source: (W,) from which of several recordings.
+    first: (W, S) with what its episode begins; commanded: (W, A) what was commanded there before all that, times how
+    long [s].
     """
 
     measured: FloatArray
@@ -52,6 +54,8 @@ class Windows:
     lost: BoolArray | None = None
     weights: FloatArray | None = None
     source: IntArray | None = None
+    first: FloatArray | None = None
+    commanded: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -113,8 +117,10 @@ class Windows:
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""
         first = max(self.before_actions.shape[1] - samples, 0)
+        left_out = self.before_actions[:, :first] * np.diff(self.before_t[:, : first + 1])[:, :, None]
         return replace(
             self,
+            commanded=None if self.commanded is None else self.commanded + left_out.sum(axis=1),
             before_states=self.before_states[:, first:],
             before_actions=self.before_actions[:, first:],
             before_t=self.before_t[:, first:],
@@ -198,7 +204,14 @@ def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length
         lost,
         weights,
         np.array([e.source for e in episodes], dtype=np.int64),
+        _together([e.states[0] for e in episodes], s),
+        _together([_sum(e, max(0, k - PRE_ROLL)) for e, k in zip(episodes, low, strict=True)], a),
     )
+
+
+def _sum(episode: Episode, end: int) -> FloatArray:
+    """(A,) what was commanded before a sample, times how long."""
+    return np.asarray(np.diff(episode.t[: end + 1]) @ episode.actions[:end])
 
 
 def _together(parts: Sequence[FloatArray], *shape: int) -> FloatArray:

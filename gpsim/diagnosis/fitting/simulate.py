@@ -102,7 +102,7 @@ def _passed(
         added = None if extra is None else extra(state, windows.actions[batch.rows, k], k)
         if owner is not None:
             acted = np.stack([drive(i, j, state) for i in range(k, k + at_once) for j in range(n)], axis=1)
-            path = tamed(chain.rolled(owner, state, acted, values, step, t, added))
+            path = tamed(chain.rolled(owner, state, acted, values, step, t, added, strained))
             if at_once > 1 and not batch.even:
                 path = _moved(state, path, off[batch.rows, 1:], n)
             yield from path.transpose(1, 0, 2)

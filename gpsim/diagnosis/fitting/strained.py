@@ -23,14 +23,30 @@ def strains(
     chain: Chain, windows: Windows, rows: IntArray, starts: FloatArray, values: Sequence[Values]
 ) -> Memory:
     """Of rows (B,) of windows that start at (B, S), by term; where nothing had moved nothing is bent or twisted."""
+    led = {} if chain.closed is None else chain.closed.rest(len(rows))
+    if led:
+        rested = windows.rested[rows][:, None]
+        led = {k: np.where(rested, led[k], v) for k, v in _led(chain, windows, rows, values).items()}
     if not chain.yields:
-        return {}
+        return led
     windows = windows.remembering(BACK)
     out = _bends(chain, windows, rows, starts, values) if chain.bristles else {}
     out |= _twists(chain, windows, rows, values) if chain.elastic else {}
     for strain in out.values():
         strain[windows.rested[rows]] = 0.0
-    return out
+    return out | led
+
+
+def _led(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values]) -> Memory:
+    """What the simulator's own actuators remember, of commands as they arrived."""
+    assert chain.closed is not None
+    clock, before = windows.before_t[rows], windows.before_states[rows]
+    steps = np.maximum(np.diff(clock, axis=1), 1e-9)
+    actions = _acted(chain, windows.before_actions[rows], steps, clock[:, :-1], values)
+    first = before[:, 0] if windows.first is None else windows.first[rows]
+    none = np.zeros((len(rows), actions.shape[2]))
+    commanded = none if windows.commanded is None else windows.commanded[rows]
+    return chain.closed.led(first, before, actions, steps, commanded)
 
 
 def _bends(
@@ -60,18 +76,17 @@ def _twists(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Val
     actions = _acted(chain, windows.before_actions[rows], steps, clock[:, :-1], values)
     out: Memory = {}
     for i, column, speed, rate in chain.elastic:
+        own, reacts, given = _loose(chain, states, actions, steps, clock, values, (column, rate))
         (count, times), term = steps.shape, values[i]
         # What commands do to a drive that was not twisted, and what a twist and its rate do by themselves.
         paths = [np.tile(first, (count, 1)) for first in ([0.0, 0.0], [1.0, 0.0], [0.0, 1.0])]
         speeds = np.zeros((count, times + 1, 3))
         for k in range(times):
-            at = chain.instant(states[:, k], actions[:, k], values, steps[:, k], clock[:, k])
-            own, reacts = chain.loose(at, values, column, rate)
-            push = at.action[:, column] / term["inertia"] - own
+            push = given[:, k] / term["inertia"] - own[:, k]
             for j, path in enumerate(paths):
                 driven = push if j == 0 else np.zeros_like(push)
-                paths[j], mean = twisted(path, driven, reacts, steps[:, k], term)
-                gains = reacts * mean + (own if j == 0 else 0.0)
+                paths[j], mean = twisted(path, driven, reacts[:, k], steps[:, k], term)
+                gains = reacts[:, k] * mean + (own[:, k] if j == 0 else 0.0)
                 speeds[:, k + 1, j] = speeds[:, k, j] + steps[:, k] * gains
         since = (clock - clock[:, :1]) / np.maximum(clock[:, -1:] - clock[:, :1], 1e-9)
         causes = np.stack([np.ones_like(since), since, speeds[:, :, 1], speeds[:, :, 2]], axis=2)
@@ -79,6 +94,28 @@ def _twists(chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Val
         twist = paths[0] + first[:, 2:3] * paths[1] + first[:, 3:4] * paths[2]
         out[bend_key(i)] = np.nan_to_num(twist, posinf=0.0, neginf=0.0)
     return out
+
+
+def _loose(
+    chain: Chain,
+    states: FloatArray,
+    actions: FloatArray,
+    steps: FloatArray,
+    clock: FloatArray,
+    values: Sequence[Values],
+    of: tuple[int, int],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(B, K) each: how a load is accelerated without its drive, what a unit of that adds, and what the drive is given.
+
+    of: the columns of its command and its rate.
+    """
+    flat = [{name: np.repeat(v, steps.shape[1]) for name, v in own.items()} for own in values]
+    every = (states[:, :-1], actions, steps[:, :, None], clock[:, :-1, None])
+    state, action, step, t = (a.reshape(steps.size, -1) for a in every)
+    at = chain.instant(state, action, flat, step[:, 0], t[:, 0])
+    found = (*chain.loose(at, flat, *of), at.action[:, of[0]])
+    own, reacts, given = (a.reshape(steps.shape) for a in found)
+    return own, reacts, given
 
 
 def _acted(

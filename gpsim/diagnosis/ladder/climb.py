@@ -68,6 +68,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     swap(search)
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
+    search.drives()
     search.eliminate()
     if search.on_all(question.everything):
         search.unusual()

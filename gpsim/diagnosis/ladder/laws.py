@@ -97,6 +97,9 @@ RARE = (
 )  # fmt: skip
 """Families that a machine hardly ever has, or that take three numbers and bend to anything."""
 
+STIFF = {"flexible_coupling": "armature", "lugre_friction": "coulomb_friction"}
+"""What laws that remember are when nothing yields: a rotor on the load, friction that holds."""
+
 SCANS: Mapping[str, tuple[float, ...]] = {
     "actuator_delay": (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 12.0),
     "sensor_delay": (0.5, 1.0, 2.0, 3.0),
@@ -163,6 +166,11 @@ class Law:
     def of_servo(self) -> bool:
         """Whether it is a gain of a servo."""
         return self.candidate.place.on.endswith(SERVO_GAINS)
+
+    @property
+    def stiff(self) -> str:
+        """The family that it is when nothing yields, of a law that remembers."""
+        return STIFF.get(self.candidate.family, "")
 
     @property
     def has_slope(self) -> bool:

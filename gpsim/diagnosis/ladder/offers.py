@@ -44,15 +44,23 @@ class Offers:
 
         What jumps at the very place of that law is simulated anew: beside it, it would have done something else.
         """
-        r = (part.residuals * self._shooting.noise.whitening).reshape(self.slopes.r.shape)
-        kept = np.delete(np.arange(self.slopes.by_theta.shape[2]), gone)
-        slopes = Slopes(r, self.slopes.by_theta[:, :, kept], self.slopes.by_start)
+        lines = self._lines(gone, part)
         here = {
             o.key: self._started([o], part)
             for o in laws
-            if not o.has_slope and o.candidate.place.on == of.candidate.place.on
+            if not o.has_slope and (o.stiff or o.candidate.place.on == of.candidate.place.on)
         }
-        return self._promised(laws, r, Lines(slopes, part), here)
+        return self._promised(laws, lines.slopes.r, lines, here)
+
+    def lost(self, gone: slice, part: Fit) -> float:
+        """Nats by which the place of a law is worse where nothing stands in it, by the same lines."""
+        return self._lines(gone, part).base - Lines(self.slopes, self._fit).base
+
+    def _lines(self, gone: slice, part: Fit) -> Lines:
+        """Around a part of the account, without the rows that are gone in it."""
+        r = (part.residuals * self._shooting.noise.whitening).reshape(self.slopes.r.shape)
+        kept = np.delete(np.arange(self.slopes.by_theta.shape[2]), gone)
+        return Lines(Slopes(r, self.slopes.by_theta[:, :, kept], self.slopes.by_start), part)
 
     def _promised(
         self, laws: Sequence[Law], r: FloatArray, lines: Lines, here: Mapping[Key, FloatArray] | None = None
@@ -158,7 +166,7 @@ class Lines:
         self._h = self._j.T @ self._j + held
         self._inverse = np.linalg.pinv(self._h, rcond=1e-12, hermitian=True) if size else self._h
         self._own, self._z = own, point.z
-        self._base = self._cost(slopes.r)
+        self.base = self._cost(slopes.r)
 
     def _cost(self, r: FloatArray) -> float:
         left = self.slopes.off_starts(r[:, :, None])[:, :, 0].ravel()
@@ -170,7 +178,7 @@ class Lines:
 
     def gain(self, r: FloatArray) -> float:
         """Nats, of the whitened residual (W, M) with the law."""
-        return self._base - self._cost(r)
+        return self.base - self._cost(r)
 
     def along(self, column: FloatArray) -> tuple[float, float]:
         """Nats and the size, of a law whose slope is a column (W, M)."""

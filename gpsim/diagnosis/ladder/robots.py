@@ -153,9 +153,10 @@ class _Row:
 class _Log:
     """A recording in pieces on an even clock, and what may be asked of it.
 
-    at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets of joints whose position was measured; kinds: what else
-    may be off, one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than
-    bodies); dry: (C,) the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
+    at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets
+    of joints whose position was measured; kinds: what else may be off, one at a time: all motors' gains, or a mass (of
+    servos neither: what they give has no other measure than bodies); dry: (C,) the model's own dry friction, left out
+    of it; pieces: episodes, moments (N,), positions (N, Q).
     """
 
     def __init__(self, problem: Problem, system: ClosedStep, recording: Recording, offers: Offers) -> None:
@@ -188,6 +189,7 @@ class _Log:
     def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
+        e = replace(e, actions=self.system.acting(e.actions, e.t))
         wraps, found = np.array(self.problem.simulator.state.wraps)[self.columns], []
         weights = np.ones_like(e.states) if e.weights is None else e.weights
         good = np.flatnonzero(weights[:, self.columns].min(axis=1) > 0)

@@ -8,7 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, fit, unexplained
+from gpsim.diagnosis.fitting import (
+    Fit,
+    Hypothesis,
+    Noise,
+    Problem,
+    Shooting,
+    fit,
+    sensor_noise,
+    unexplained,
+)
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
@@ -23,6 +32,7 @@ LOOSE = 8.0  # nats that a batch of laws may cost together and still go without 
 SETTLED = 12  # rounds of start states alone, which dry friction lets go but slowly
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
+DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -230,10 +240,10 @@ class Search:
         """Absent laws with a jump in an exact fit each, while one of them pays: slopes mislead from a wrong place."""
         for _ in range(4):
             absent = [law for law in laws if not self.account.holds(law)]
-            if not self.add_best(absent, PROBED):
+            if not self.add_best(self.offers(absent), PROBED):
                 return
 
-    def add_best(self, laws: Sequence[Law], most: int) -> bool:
+    def add_best(self, offers: Sequence[Offer], most: int) -> bool:
         """The absent law that pays most of those that promise most, in an exact fit; whether one pays.
 
         A law is worth what it gains under the noise as it is, or under the noise that it leaves, if that is more: a
@@ -241,10 +251,10 @@ class Search:
         """
         if not self.account.laws and self.left() <= 0.0:
             return False
-        found = sorted(self.offers(laws), key=lambda o: self.price(o.law) - o.gain)[:most]
+        found = sorted(offers, key=lambda o: self.price(o.law) - o.gain)[:most]
         best, most_worth, before = None, self.numbers.surely, self.profiled(self.account)
         for offer in found:
-            added, hypothesis = self.account.plus(offer.law, offer.values)
+            added, hypothesis = self._without(self._held(offer.law)).plus(offer.law, offer.values)
             tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
             gain, price = self.account.fit.cost - tried.fit.cost, self.price(offer.law)
             if gain > price / 2:
@@ -314,9 +324,64 @@ class Search:
         if self.dear and self.left() < self.numbers.robot_leaves * self.missing():
             return
         for _ in range(2 if self.dear else 6):
-            absent = [law for law in self.laws if not self.account.holds(law)]
-            if not self.add_best(absent, PROBED + 1):
+            asked = [law for law in self.laws if not (self.dear and law.stiff)]
+            if not self.add_best(
+                self.offers([law for law in asked if not self.account.holds(law)]), PROBED + 1
+            ):
                 return
+
+    def drives(self) -> None:
+        """Laws that remember, of the joint of a robot that misses what was read by most: they are dear to simulate."""
+        problem = self.shooting.problem
+        for _ in range(DRIVES if self.dear else 0):
+            if self.left() < LEAVES * self.missing():
+                return
+            times = np.sqrt((self.account.fit.residuals**2).mean(axis=(0, 1)))
+            times *= problem.observed / (sensor_noise(problem, self.account.fit.residuals) + 1e-300)
+            by = dict(zip(problem.simulator.state.names, times, strict=True))
+            worst = max(problem.simulator.coordinates, key=lambda c: max(by[c.name], by[c.velocity])).name
+            here = [
+                law for law in self.laws if law.stiff and not law.candidate.variant and self._at(law) == worst
+            ]
+            promised = self._of_drives([law for law in here if not self.account.holds(law)])
+            if not promised or not self.add_best(promised, PROBED):
+                return
+
+    def _at(self, law: Law) -> str:
+        """The coordinate at which a law of drives acts."""
+        on = law.candidate.place.on
+        return self.shooting.problem.simulator.coupled().get(on, (on,))[0]
+
+    def _held(self, law: Law) -> int | None:
+        """What stands in the account and a law of drives is when nothing yields: a rotor, or dry friction."""
+        held = law.stiff if self.dear else "", self._at(law)
+        every = (i for i, own in enumerate(self.account.laws) if own.candidate.identity == held)
+        return next((i for i in every if not self.account.laws[i].free), None)
+
+    def _without(self, index: int | None) -> Account:
+        """The account without a law, not fitted."""
+        if index is None:
+            return self.account
+        laws, hypothesis = self.account.without([index])
+        return Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
+
+    def _of_drives(self, laws: Sequence[Law]) -> list[Offer]:
+        """Offers that pay, beside the account or in the place of what a law of drives is when nothing yields."""
+        out, offers = list[Offer](), Offers(self.shooting, self.account.fit)
+        coupled = self.shooting.problem.simulator.coupled()
+        for law in laws:
+            if (index := self._held(law)) is None:
+                out += offers.of([law])
+                continue
+            ((name, size),) = self.account.hypothesis.terms[index].values.items()
+            if law.candidate.place.on in coupled:
+                size /= coupled[law.candidate.place.on][1]
+            i = [p.name for p in law.candidate.declared].index(name)
+            sized = replace(law, starts=tuple((*s[:i], size, *s[i + 1 :]) for s in law.starts))
+            rows, part = self.account.rows[index], self._without(index).fit
+            (found,) = offers.in_place([sized], self.account.laws[index], rows, part)
+            out.append(Offer(found.gain - offers.lost(rows, part), law, found.values))
+        return [o for o in out if o.gain > self.price(o.law)]
 
     def on_all(self, everything: Problem) -> bool:
         """The account on all windows, on which what is slight shows; whether it was sought on fewer."""

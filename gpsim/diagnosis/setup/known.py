@@ -39,11 +39,12 @@ def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, floa
     return fixed
 
 
-def allowed(known: Known, offers: Sequence[Candidate], parameters: Mapping[str, float]) -> list[Candidate]:
+def allowed(
+    known: Known, offers: Sequence[Candidate], parameters: Mapping[str, float], robot: bool
+) -> list[Candidate]:
     """What may be offered, within the bounds that the user gave; raises UsageError where something required is not."""
-    kept = [
-        _bounded(c, known, parameters) for c in offers if known.asks(c.identity, FAMILIES[c.family].asked)
-    ]
+    asked = {name for name, effect in FAMILIES.items() if effect.asked or (robot and effect.of_robots)}
+    kept = [_bounded(c, known, parameters) for c in offers if known.asks(c.identity, c.family in asked)]
     usable = [c for c in kept if not c.only_gated]
     for name in known.lacking([c.identity for c in usable]):
         region = known.lacking([c.identity for c in kept]) != known.lacking([c.identity for c in usable])

@@ -13,7 +13,7 @@ from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.diagnosis.setup.sizes import Sizes
-from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, declared, effect_of
+from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, closed, declared, effect_of
 from gpsim.findings import NotAsked
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -60,7 +60,7 @@ def offers_of(question: Question) -> list[Candidate]:
         and _shows(effect_of(c.family), c.place.on, question.sight.still.get(c.place.on), question.whole)
     ]
     check_bounds(known, offers)
-    return allowed(known, offers, parameters)
+    return allowed(known, offers, parameters, closed(problem.simulator) is not None)
 
 
 def _is_read(question: Question, candidate: Candidate) -> bool:

@@ -160,12 +160,14 @@ class Sizes:
 
     def _of_actions(self, rows: Transitions, lasting: float) -> dict[str, Place]:
         """lasting: how long the clock ran [s]."""
-        units, driven, out = self._simulator.action.units, self._simulator.driven(), {}
+        units, coupled, out = self._simulator.action.units, self._simulator.coupled(), {}
         for on, commands in zip(self._simulator.action.names, rows.actions.T, strict=True):
-            joint, span = self._joints.get(driven.get(on, "")), _typical(np.abs(commands), TYPICAL_QUANTILE)
+            drives, strength = coupled.get(on, ("", 1.0))
+            joint, span = self._joints.get(drives), _typical(np.abs(commands), TYPICAL_QUANTILE)
             place = Place(on, units[on], span=span, reach=lasting, dt=self._dt)
             if joint is not None:
-                place = replace(place, length=joint.length, speed=joint.speed, inertia=joint.inertia)
+                inertia = joint.inertia / abs(strength)
+                place = replace(place, length=joint.length, speed=joint.speed, inertia=inertia)
             out[on] = place
         return out
 

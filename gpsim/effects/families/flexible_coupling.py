@@ -17,7 +17,7 @@ from gpsim.simulators import Simulator
 
 SLOWEST, FASTEST = 0.01, 2.5  # of what a sample shows: radians a step at which motor and load may swing
 USUAL = 0.3  # radians a step
-STARTS = (0.07, 0.12, 0.2, 0.35, 0.6, 1.0, 1.7)  # the same: far from how it swings a start shows nothing
+STARTS = tuple(0.07 * 1.305**k for k in range(13))  # the same: far from how it swings a start shows nothing
 LIGHT = 0.3  # of the load's inertia: a motor to begin with
 
 
@@ -35,10 +35,11 @@ class FlexibleCoupling(ElasticDrive):
         "inertia": float("nan"),
     }
     asked: ClassVar[bool] = False  # three numbers and ringing: lags, delays and sprung masses look like it
+    of_robots: ClassVar[bool] = True
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
-        """Every action that drives a coordinate of a simulator that does not own its integration (MuJoCo's does)."""
-        return () if callable(getattr(simulator, "rolled", None)) else super().places(simulator)
+        """Every action that drives a coordinate by itself; of a MuJoCo model motors, no servos."""
+        return tuple(simulator.coupled())
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Stiffness, damping and inertia of the motor, in the action's unit."""

@@ -12,7 +12,6 @@ from typing import ClassVar
 
 from gpsim.effects.effect import BristleEffect
 from gpsim.effects.place import EffectParameter, Place, Plausible
-from gpsim.simulators import Simulator
 
 WAYS = (0.003, 0.01, 0.03)  # of the way that was visited: by how much bristles bend, where a fit starts
 WIDER = 10.0  # times as stiff as the stiffest start, or as soft as the softest
@@ -40,10 +39,7 @@ class LugreFriction(BristleEffect):
     }
 
     asked: ClassVar[bool] = False  # a start in every way it may bend is dear, and it bends to other friction
-
-    def places(self, simulator: Simulator) -> tuple[str, ...]:
-        """Every coordinate of a simulator that does not own its integration (MuJoCo's does)."""
-        return () if callable(getattr(simulator, "rolled", None)) else super().places(simulator)
+    of_robots: ClassVar[bool] = True
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force (sliding) and stiffness of the bristles; static_force and stribeck_velocity of the whole law."""
