@@ -374,7 +374,7 @@ class MjcfSimulator(Simulator):
 
     @property
     def tolerated_penetration(self) -> float:
-        """How deep [m] bodies may touch in a first state: soft contacts do, and joints and places are read inexactly."""
+        """How deep [m] bodies may touch in a first state: soft contacts do, joints and places are read inexactly."""
         least = MARKERS if self._body.names.free else 0.002
         return max(0.02 * max(self._body.lengths().values(), default=0.0), least)
 
