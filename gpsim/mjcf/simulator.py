@@ -33,6 +33,7 @@ from gpsim.simulators import Integrator, Memory, Parameters, Simulator
 NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 STANDS = 0.1  # of the states, in which what stands or walks touches at least
 MARKERS = 0.01  # m, that a motion capture's or an odometry's place of a whole robot is off the ground's
+SINKS = 0.02  # m, that what lands goes into a soft ground
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
 AFLOAT = 3  # joints without a motor between the world and a body that floats, in a plane
 TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
@@ -375,7 +376,7 @@ class MjcfSimulator(Simulator):
     @property
     def tolerated_penetration(self) -> float:
         """How deep [m] bodies may touch in a first state: soft contacts do, joints and places are read inexactly."""
-        least = MARKERS if self._body.names.free else 0.002
+        least = SINKS if self._body.names.free or self.floating else 0.002
         return max(0.02 * max(self._body.lengths().values(), default=0.0), least)
 
     def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
