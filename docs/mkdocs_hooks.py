@@ -14,6 +14,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "tutorial/first_diagnosis.md",
     "tutorial/python.md",
     "tutorial/mujoco.md",
+    "tutorial/drone.md",
     "tutorial/cartpole.md",
     "tutorial/limo.md",
     "how-to/import.md",

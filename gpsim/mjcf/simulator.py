@@ -313,14 +313,16 @@ class MjcfSimulator(Simulator):
         return super().velocities | frozenset(twists)
 
     @property
-    def weighed(self) -> frozenset[str]:
-        """Those of every body but the ones at free joints, and the ground's."""
+    def unlikely(self) -> frozenset[str]:
+        """Every body but the ones at free joints and the ground, and their numbers; a push along gravity."""
         model, names = self._body.base, self._body.names
         free = {
             int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs
         }
         others = {name for b, name in enumerate(names.bodies) if b not in free}
-        return frozenset(others | {p for p in self.parameters if p.rpartition(".")[0] in others})
+        falls = zip("xyz", np.abs(model.opt.gravity) > 0.0, strict=True)
+        pushes = {f"{joint}.{axis}" for axis, pulled in falls if pulled for joint in names.free}
+        return frozenset(others | pushes | {p for p in self.parameters if p.rpartition(".")[0] in others})
 
     def followed(
         self, name: str, columns: Mapping[str, FloatArray], slope: Callable[[FloatArray], FloatArray]

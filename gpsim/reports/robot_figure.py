@@ -27,7 +27,7 @@ SCALE = LinearSegmentedColormap.from_list("share", ("#C9CFD6", "#F0B75A", "#D55E
 POSTURES = 60  # of the recording, among which the one that shows most is looked for
 AZIMUTHS, ELEVATIONS = range(0, 360, 15), (-10, -35, -80)  # degrees
 LEAST = 0.1  # of the mismatch: what the scale reaches at least
-ROWS, LAWS, SAID = 12, 2, 42  # joints that are listed at most, laws told of one, and their letters
+ROWS, LAWS, SAID = 12, 2, 38  # joints that are listed at most, laws told of one, and their letters
 WIDE, HIGH, BELOW, ROW = (
     5.4,
     1.9,

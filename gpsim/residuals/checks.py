@@ -166,5 +166,4 @@ def _described(simulator: Simulator) -> _Described:
 
 def _optional(simulator: Simulator) -> tuple[str, ...]:
     """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
-    speeds = tuple(c.velocity for c in simulator.coordinates) if simulator.guesses_speeds else ()
-    return (*simulator.start, *speeds)
+    return (*simulator.start, *(sorted(simulator.velocities) if simulator.guesses_speeds else ()))

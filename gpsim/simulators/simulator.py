@@ -196,8 +196,8 @@ class Simulator(ABC):
         return frozenset(c.velocity for c in self.coordinates)
 
     @property
-    def weighed(self) -> frozenset[str]:
-        """Parameters of what hangs on a body that floats, which a drawing says better than what it carries."""
+    def unlikely(self) -> frozenset[str]:
+        """Places of what floats where nothing is usually missing: a drawing weighs its parts, and masses pull down."""
         return frozenset()
 
     def followed(

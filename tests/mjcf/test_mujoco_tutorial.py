@@ -1,4 +1,4 @@
-"""docs/tutorial/mujoco.md: its blocks are run in their order, on a smoke budget here and in full in the slow suite."""
+"""docs/tutorial/mujoco.md and drone.md: their blocks are run in their order."""
 
 import json
 import os
@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "tutorial" / "mujoco.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```(sh|python)\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
+PAGE, DRONE = (
+    (ROOT / "docs" / "tutorial" / name).read_text(encoding="utf-8") for name in ("mujoco.md", "drone.md")
+)
 DIAGNOSE = "gpsim diagnose data/arm.csv"
 QUICK = (
     "diagnose.episodes=2 'diagnose.families.only=[coulomb_friction on elbow]' diagnose.curves.most=0 "
@@ -21,13 +22,13 @@ QUICK = (
 LESS = {"learn(6_000)": "learn(60)", "learning_starts=500": "learning_starts=20"}
 
 
-def played(folder, quick):
-    """Run the page in a folder that holds data/ alone; what each block printed."""
+def played(folder, quick, page=PAGE):
+    """Run a page in a folder that holds data/ alone; what each block printed."""
     shutil.copytree(ROOT / "data", folder / "data")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     environment = os.environ | {"PATH": path, "COLUMNS": "100", "OMP_NUM_THREADS": "1"}
     said, python = [], []
-    for kind, block in BLOCKS:
+    for kind, block in re.findall(r"^```(sh|python)\n(.*?)^```", page, flags=re.MULTILINE | re.DOTALL):
         if kind == "python":
             python.append(block)
             continue
@@ -73,3 +74,19 @@ def test_in_full_it_finds_what_the_arm_was_made_with_and_the_policy_holds_it_out
     shoulder, elbow = map(float, re.findall(r"(-?\d\.\d\d) rad", said[-1]))
     assert abs(shoulder - 0.4) < 0.25
     assert abs(elbow) < 0.25
+
+
+@pytest.mark.slow
+def test_the_drone_is_found_as_it_was_made_and_sinks_as_it_did(tmp_path):
+    said = played(tmp_path, quick=False, page=DRONE)
+    assert said[0].splitlines()[1] in DRONE
+    content = json.loads((tmp_path / "runs" / "drone" / "diagnosis.json").read_text())
+    found = {(e["family"], e["on"]): next(iter(e["parameters"].values())) for e in content["effects"]}
+    true = {("parameter_offset", "frame.mass"): 1.125, ("constant_force", "base.x"): 0.4}
+    true |= {("viscous_friction", "base.surge"): 0.25, ("viscous_friction", "base.sway"): 0.35}
+    true |= {("actuator_lag", f"thrust{i}"): 0.04 for i in range(1, 5)}
+    assert set(found) == set(true)
+    for claim, value in true.items():
+        assert found[claim]["low"] <= value <= found[claim]["high"], claim
+    (sunk,) = map(float, re.findall(r"after 1 s: (-?\d\.\d\d) m", said[-1]))
+    assert -0.7 < sunk < -0.3

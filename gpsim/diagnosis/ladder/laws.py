@@ -207,9 +207,9 @@ def laws_of(
 ) -> list[Law]:
     """The laws on offer, the usual ones first; what the user requires costs nothing."""
     kind, owned = kind_of(simulator), closed(simulator) is not None
-    settled = simulator.weighed if kind == "floating" else frozenset[str]()
+    unlikely = simulator.unlikely if kind == "floating" else frozenset[str]()
     found = [
-        _law(_as_fitted(c), {} if c.place.on in settled else USUAL[kind], numbers, known)
+        _law(_as_fitted(c), {} if c.place.on in unlikely else USUAL[kind], numbers, known)
         for c in offers
         if not c.only_gated
     ]

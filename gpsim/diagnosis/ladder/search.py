@@ -447,9 +447,8 @@ class Search:
             best = min(bills, key=lambda i: bills[i], default=len(whole.laws) - 1)
             if whole.laws[best].key != law.key:
                 self.say(f"makes up for {whole.laws[best].name}", True, law.name)
-                gone = rest[best]
-                adapted = placed(whole.hypothesis, gone[-1].z)
-                self.account = self.without(whole, [less.index for less in gone], adapted, SETTLE)
+                adapted = placed(whole.hypothesis, around.without([best]))
+                self.account = self.without(whole, [best], adapted, SETTLE)
 
     def without(self, account: Account, gone: Sequence[int], adapted: Hypothesis, rounds: int) -> Account:
         """An account without some laws, from where the quadratic says the others are, or from where they were."""
