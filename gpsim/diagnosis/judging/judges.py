@@ -17,7 +17,7 @@ channel in which the simulator is far off says more.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -25,7 +25,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, at, rms, stretches, typical
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, fit, predicted
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, fit, predicted
 from gpsim.diagnosis.setup import Question, telling
 from gpsim.effects import closed
 from gpsim.findings import JudgedOn, Share
@@ -237,6 +237,7 @@ class RolloutJudge:
     worst: FloatArray
     mismatch: Mismatch
     leaders: tuple[Hypothesis, ...]
+    begun: dict[int, Shooting] = field(default_factory=dict)
 
     @property
     def judged_on(self) -> JudgedOn:
@@ -245,7 +246,7 @@ class RolloutJudge:
 
     def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
         """See `Judge`."""
-        return _rolled(self.problem, self.windows, self.places, self.worst, accounts)
+        return _rolled(self.problem, self.windows, self.places, self.worst, accounts, self.begun)
 
 
 @dataclass(frozen=True)
@@ -371,14 +372,22 @@ def _rolled(
     places: RolloutWindows,
     worst: FloatArray,
     accounts: Sequence[Sequence[Hypothesis]],
+    begun: dict[int, Shooting] | None = None,
 ) -> FloatArray:
-    """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it."""
-    out = []
+    """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it.
+
+    begun: who fits the start states of each part, -1: of all of it, which is kept from one account to the next.
+    """
+    out, begun = [], {} if begun is None else begun
     for account in accounts:
         said = np.empty_like(windows.measured)
         for part, hypothesis in enumerate(account):
-            rows = np.flatnonzero((places.fold == part) | (len(account) == 1))
-            said[rows] = foretold(problem, windows.take(rows), places.lead, hypothesis)
+            key = part if len(account) > 1 else -1
+            rows = np.flatnonzero((places.fold == part) | (key < 0))
+            some = windows.take(rows)
+            if places.lead and key not in begun:
+                begun[key] = _beginning(problem, some, places.lead)
+            said[rows] = foretold(problem, some, places.lead, hypothesis, begun.get(key))
         errors = difference(windows.measured, said, problem.simulator.state) * _counted(windows)
         out.append(_by_block(np.clip(np.nan_to_num(errors, nan=np.inf), -worst, worst), places))
     return np.array(out)
@@ -397,13 +406,23 @@ def _by_block(errors: FloatArray, places: RolloutWindows) -> FloatArray:
     return out
 
 
-def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis) -> FloatArray:
+def foretold(
+    problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis, begun: Shooting | None = None
+) -> FloatArray:
     """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began.
 
-    Without a lead from the states that were measured there.
+    Without a lead from the states that were measured there. begun: who says so, where that is known already.
     """
     if not lead:
         return predicted(problem, windows, hypothesis)
+    shooting = begun or _beginning(problem, windows, lead)
+    rounds = LEAD_ROUNDS if closed(problem.simulator) is None else 1  # of robots each is dear
+    point = shooting.at(hypothesis.frozen(), np.array(shooting.problem.windows.measured[:, 0]))
+    return predicted(problem, windows, hypothesis, starts=shooting.fit(point, rounds).starts)
+
+
+def _beginning(problem: Problem, windows: Windows, lead: int) -> Shooting:
+    """Fits of where windows began, to their first `lead` transitions."""
     begun = replace(
         windows,
         measured=windows.measured[:, : lead + 1],
@@ -413,10 +432,7 @@ def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothes
         weights=None if windows.weights is None else windows.weights[:, : lead + 1],
     )
     part, white = problem.on(begun), np.maximum(problem.floor, LEAST_NOISE * problem.scale)
-    noise = Noise(white, np.ones(len(white)), np.asarray(part.counted, dtype=float))
-    rounds = LEAD_ROUNDS if closed(problem.simulator) is None else 1  # of robots each is dear
-    starts = fit(part, hypothesis.frozen(), part.windows.measured[:, 0], rounds, noise).starts
-    return predicted(problem, windows, hypothesis, starts=starts)
+    return Shooting(part, Noise(white, np.ones(len(white)), np.asarray(part.counted, dtype=float)))
 
 
 def _floor(
