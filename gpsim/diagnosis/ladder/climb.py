@@ -79,6 +79,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     _finer(search)
     swap(search)
     search.require()
+    search.crumbs()
     search.judge_held_out()
     step("rung 2", 65, "asking each recording")
     with_own_values(search)

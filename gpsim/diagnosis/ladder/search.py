@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
+    FEW_JOINTS,
     Fit,
     Hypothesis,
     Noise,
@@ -21,8 +22,8 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
-from gpsim.diagnosis.ladder.robots import Sized
-from gpsim.effects import Scheme, closed
+from gpsim.diagnosis.ladder.robots import ROWS, Sized
+from gpsim.effects import Scheme, Term, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
 Key = tuple[str, str, str]
@@ -33,6 +34,8 @@ SETTLED = 12  # rounds of start states alone, which dry friction lets go but slo
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
+CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
+OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -321,7 +324,9 @@ class Search:
 
     def unusual(self) -> None:
         """Unusual laws beside the usual ones, one at a time, while one pays its price and a part of what is left."""
-        if self.dear and self.left() < self.numbers.robot_leaves * self.missing():
+        few = len(self.shooting.problem.simulator.coordinates) <= FEW_JOINTS
+        least = LEAVES if few else self.numbers.robot_leaves
+        if self.dear and self.left() < least * self.missing():
             return
         for _ in range(2 if self.dear else 6):
             asked = [law for law in self.laws if not (self.dear and law.stiff)]
@@ -523,6 +528,26 @@ class Search:
 
     # Held out
 
+    def crumbs(self) -> None:
+        """Rows that make next to nothing of what their joint is usually moved by pay as any law does, or go.
+
+        One by one every row of a robot is told of: on a clean log also those of friction that it does not have.
+        """
+        least = OF_ROWS * self.numbers.crumb * self.missing()
+        while True:
+            laws, terms = self.account.laws, self.account.hypothesis.terms
+            slight = [law.of_row and _slight(law, term) for law, term in zip(laws, terms, strict=True)]
+            prices = [
+                max(price(replace(law, of_row=False), self.shooting.noise.effective, self.numbers.law), least)
+                for law in laws
+            ]
+            gone = Quadratic(self.account).taken_away(prices, [not s for s in slight])
+            if not gone:
+                return
+            self.say("is a crumb of its joint's forces", True, *(laws[g.index].name for g in gone))
+            adapted = placed(self.account.hypothesis, gone[-1].z)
+            self.account = self.without(self.account, [g.index for g in gone], adapted, CLOSE)
+
     def judge_held_out(self) -> None:
         """What is worth nothing on held-out windows goes, unusual laws first; what training asks for stays.
 
@@ -551,3 +576,10 @@ class Search:
             self.say("held-out windows are no better with it", True, bad[2].name, gain=bad[1])
             self.account = less[bad[2].key]
             self.refit(FIRST_LOOK)
+
+
+def _slight(law: Law, term: Term) -> bool:
+    """Whether friction, a rotor or an offset of a joint makes less than a hundredth of what it is usually moved by."""
+    place, (size, *_) = law.candidate.place, term.values.values()
+    usual = place.span / (place.speed if term.family == "viscous_friction" else 1.0)
+    return term.family in ROWS and abs(size) < CRUMB * usual
