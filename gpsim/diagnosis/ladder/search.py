@@ -579,7 +579,9 @@ class Search:
 
 
 def _slight(law: Law, term: Term) -> bool:
-    """Whether friction, a rotor or an offset of a joint makes less than a hundredth of what it is usually moved by."""
+    """Whether a row makes less than a hundredth of what its joint is usually moved by, or of what it is a ratio of."""
     place, (size, *_) = law.candidate.place, term.values.values()
+    if law.is_ratio:
+        return abs(size - 1.0) < CRUMB
     usual = place.span / (place.speed if term.family == "viscous_friction" else 1.0)
     return term.family in ROWS and abs(size) < CRUMB * usual
