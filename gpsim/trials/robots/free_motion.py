@@ -1,7 +1,7 @@
 """What truly moves where a robot floats or stands: MuJoCo's bodies at 0.5 ms, drag, wind and actuators by own lines.
 
 Where nothing touches by MuJoCo's Runge-Kutta scheme; on a floor by the model's own scheme, which is what its contacts
-are made for. Drag, wind, gains, lags and delays are worked out anew at every fine step, and held in it: a test holds
+are made for. Drag, wind, gains, lags and delays are worked out anew at every fine step, for its middle: a test holds
 that against Newton's and Euler's equations in an ODE solver. Nothing of `gpsim.mjcf` or `gpsim.effects` is used.
 """
 
@@ -83,19 +83,21 @@ class Mover:
         given: (A,) what they give now; commands: (B, A), of this sample and, before it, as many as are still on their
         way.
         """
-        keeps = np.where(self._lag > 0.0, np.exp(-self.h / np.maximum(self._lag, 1e-12)), 0.0)
+        lag = np.maximum(self._lag, 1e-12)
+        keeps = np.exp(-self.h / lag)
+        mean = (1.0 - keeps) * lag / self.h  # of what is kept, over a step
         for i in range(n):
             arrives = commands[max(len(commands) - 1 + (i - self.late) // n, 0)]
+            data.ctrl[:] = self._gain * (arrives + mean * (given - arrives))
             given = arrives + keeps * (given - arrives)
-            data.ctrl[:] = self._gain * given
             if self._forces:
                 self._carried(data)
             self._mj.mj_step(self.model, data)
         return given
 
     def _carried(self, data: Any) -> None:
-        axes = turned(data.qpos[3:7])
-        twist = np.concatenate([axes.T @ data.qvel[:3], data.qvel[3:6]])
+        axes, middle = turned(data.qpos[3:7]), data.qvel + 0.5 * self.h * data.qacc
+        twist = np.concatenate([axes.T @ middle[:3], middle[3:6]])
         drag = -(self._linear + self._square * np.abs(twist)) * twist
         data.qfrc_applied[:3] = axes @ drag[:3] + self._push[:3]
         data.qfrc_applied[3:6] = drag[3:] + self._push[3:]

@@ -213,6 +213,7 @@ def _afloat(scores: Sequence[Score]) -> dict[str, Any]:
         ("worlds_right", [s["right"] for s in scores]),
         ("false_alarms", [s["false_alarm"] for s in answered(scores) if not s["parts"]]),
         ("effects_right", [p["right"] for p in _counting(scores, "parts")]),
+        ("verdict_right", [s["verdict_right"] for s in scores]),
         ("rollouts_within", _near(scores)),
         ("coverage_90", flat(covered)),
     ):
