@@ -115,7 +115,7 @@ def test_a_boat_that_nothing_pushes_keeps_energy_and_momentum():
 
 
 def test_late_commands_act_for_the_rest_of_a_sample():
-    late = [TrueEffect("actuator_delay", a, {"delay": 0.0125}) for a in layout_of("boat").action]
+    late = [TrueEffect("actuator_delay", a, {"delay": 0.025}) for a in layout_of("boat").action]
     mover, other = Mover("boat", late), Mover("boat", ())
     first, second = (m.data(*m.places(START)) for m in (mover, other))
     old, new = np.array([1.0, -1.0]), np.array([-2.0, 3.0])
@@ -150,9 +150,9 @@ def test_worlds_are_drawn_by_seed_and_lack_one_to_five_of_what_their_robot_may()
     assert draw_afloat(7, AFLOAT_FROM + 1) != draw_afloat(8, AFLOAT_FROM + 1)
 
 
-def test_a_dog_on_ice_falls_and_is_cut_there(short):
-    ice = TrueEffect("parameter_offset", "floor.friction", {"ratio": 0.02})
-    world = world_of("dog", [ice], episodes=2, steps=300)
+def test_a_dog_that_is_overloaded_falls_and_is_cut_there(short):
+    load = TrueEffect("parameter_offset", "trunk.mass", {"ratio": 5.0})
+    world = world_of("dog", [load], episodes=2, steps=300)
     truth = run_afloat(world)
     kept = kept_afloat(truth)
     assert (kept < 301).any()

@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from gpsim.trials.robots.free_motion import STEP
+from gpsim.trials.robots.free_motion import STEPS
 from gpsim.trials.robots.models import AFLOAT, layout_of, robot_of
 from gpsim.trials.worlds import TrueEffect, World, rounded
 
@@ -51,9 +51,9 @@ def _off(low: float, high: float, less: float = 0.5) -> Drawn:
     return lambda rng: rounded(1.0 + _size(low, high)(rng) * (-1.0 if rng.random() < less else 1.0))
 
 
-def _late(low: float, high: float) -> Drawn:
+def _late(low: float, high: float, step: float) -> Drawn:
     """A whole number of the truth's steps."""
-    return lambda rng: round(round(_size(low, high)(rng) / STEP) * STEP, 9)
+    return lambda rng: round(round(_size(low, high)(rng) / step) * step, 9)
 
 
 Item = tuple[str, tuple[str, ...], str, Drawn]
@@ -66,7 +66,7 @@ def items_of(name: str) -> list[Item]:
 
     def late(lag: tuple[float, float] | None, delay: tuple[float, float]) -> list[Item]:
         lags: list[Item] = [("actuator_lag", actions, "time_constant", _size(*lag))] if lag else []
-        return [*lags, ("actuator_delay", actions, "delay", _late(*delay))]
+        return [*lags, ("actuator_delay", actions, "delay", _late(*delay, STEPS[name]))]
 
     def gains(low: float, high: float) -> list[Item]:
         return [("actuator_gain", (a,), "gain", _off(low, high, less=0.7)) for a in actions]

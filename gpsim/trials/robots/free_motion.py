@@ -1,4 +1,4 @@
-"""What truly moves where a robot floats or stands: MuJoCo's bodies at 0.5 ms, drag, wind and actuators by own lines.
+"""What truly moves where a robot floats or stands: MuJoCo in fine steps, drag, wind and actuators by own lines.
 
 Where nothing touches by MuJoCo's Runge-Kutta scheme; on a floor by the model's own scheme, which is what its contacts
 are made for. Drag, wind, gains, lags and delays are worked out anew at every fine step, for its middle: a test holds
@@ -20,11 +20,11 @@ from gpsim.trials.robots.plant import HOLDING, changed_model
 from gpsim.trials.truth import mujoco, noise_of
 from gpsim.trials.worlds import Run, TrueEffect, World
 
-STEP = 5e-4  # s
+STEPS = {"quadrotor": 5e-4, "boat": 1e-3, "hopper": 5e-4, "dog": 5e-4}  # s, of the truth
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")  # along and about the body's own axes
 WORLD_AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-HORIZON = {"quadrotor": 1.0, "boat": 2.0, "hopper": 0.4, "dog": 0.15}  # s of a piece that is replayed
-MOST = 24  # such pieces
+HORIZON = {"quadrotor": 1.0, "boat": 4.0, "hopper": 0.4, "dog": 0.15}  # s of a piece that is replayed
+MOST = 12  # such pieces
 LOW, ASIDE, TILTED = 0.2, 6.0, 1.0  # m, m, rad: what is lower, farther or more tilted has fallen
 SQUATS = 0.8  # m below which a hopper's hip has fallen
 TOGETHER = ("actuator_lag", "actuator_delay")  # all actuators have them alike
@@ -33,11 +33,11 @@ TOGETHER = ("actuator_lag", "actuator_delay")  # all actuators have them alike
 class Mover:
     """One robot with some effects; steps data of its own. rest: (A,) what its actuators give before any command."""
 
-    def __init__(self, robot: str, effects: Sequence[TrueEffect], h: float = STEP) -> None:
+    def __init__(self, robot: str, effects: Sequence[TrueEffect], h: float | None = None) -> None:
         self._mj, layout = mujoco(), layout_of(robot)
-        self.robot, self.model, self.h = robot, changed_model(robot, effects), h
+        self.model, self.h = changed_model(robot, effects), h or STEPS[robot]
         model, actions = self.model, list(layout.action)
-        model.opt.timestep = h
+        model.opt.timestep = self.h
         self._free = int(model.jnt_type[0]) == self._mj.mjtJoint.mjJNT_FREE
         if not layout.driven:  # rotors and thrusters: nothing touches
             model.opt.integrator = self._mj.mjtIntegrator.mjINT_RK4
@@ -55,14 +55,12 @@ class Mover:
             elif e.family == "actuator_lag":
                 self._lag[actions.index(e.on)] = value
             elif e.family == "actuator_delay":
-                self.late = round(value / h)
+                self.late = round(value / self.h)
             elif e.family in ("viscous_friction", "coulomb_friction"):
                 self._rub(e.family, int(model.jnt_dofadr[layout.joints.index(e.on)]), value)
         self._forces = bool(np.any([self._linear, self._square, self._push]))
-        weighs = robot == "quadrotor"
-        self.rest = np.full(
-            model.nu, 9.81 * float(changed_model(robot, ()).body_mass.sum()) / 4 if weighs else 0.0
-        )
+        believed = float(changed_model(robot, ()).body_mass.sum()) if robot == "quadrotor" else 0.0
+        self.rest = np.full(model.nu, 9.81 * believed / model.nu)
 
     def _rub(self, family: str, dof: int, value: float) -> None:
         if family == "viscous_friction":
@@ -142,16 +140,13 @@ def begins(world: World, mover: Mover, rng: np.random.Generator) -> Any:
     return mover.data(q, v)
 
 
-def run_afloat(world: World, h: float = STEP) -> Run:
+def run_afloat(world: World) -> Run:
     """Drive a world; hidden is what its actuators give, free is 0 from where it has fallen.
 
     Commands before the recording are those of legs that come to stand; of others the first.
     """
-    names, mover, n = (
-        layout_of(world.system).names,
-        Mover(world.system, world.effects, h),
-        round(world.dt / h),
-    )
+    names, mover = layout_of(world.system).names, Mover(world.system, world.effects)
+    n = round(world.dt / mover.h)
     settle = round(SETTLES / world.dt) if layout_of(world.system).driven else 0
     low, high = np.array(mover.model.actuator_ctrlrange, dtype=np.float64).T
     noise, count = noise_of(world, names), settle + world.steps

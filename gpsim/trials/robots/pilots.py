@@ -70,7 +70,7 @@ def _quadrotor(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> P
 
 
 def _boat(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilot:
-    """Keeps to a speed and a turn, each held for two to six seconds."""
+    """Keeps to a speed and a turn, each held for a second and a half to five."""
     quaternion = [at[f"base.{part}"] for part in ("qw", "qx", "qy", "qz")]
     linear, yaw = [at[f"base.v{a}"] for a in "xyz"], at["base.wz"]
     mass, inertia = float(model.body_mass[1]), float(model.body_inertia[1, 2])
@@ -78,10 +78,10 @@ def _boat(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilot:
 
     def command(t: float, s: FloatArray) -> FloatArray:
         if t >= held["until"]:
-            held["until"] = t + rng.uniform(2.0, 6.0)
-            held["speed"], held["turn"] = rng.uniform(-0.1, 0.6), rng.uniform(-0.5, 0.5)
+            held["until"] = t + rng.uniform(1.5, 5.0)
+            held["speed"], held["turn"] = rng.uniform(-0.2, 1.0), rng.uniform(-0.8, 0.8)
         ahead = float(turned(s[quaternion])[:, 0] @ s[linear])
-        push, torque = 0.5 * mass * (held["speed"] - ahead), 0.8 * inertia * (held["turn"] - s[yaw])
+        push, torque = mass * (held["speed"] - ahead), 1.5 * inertia * (held["turn"] - s[yaw])
         return np.array([0.5 * push - torque / 0.2, 0.5 * push + torque / 0.2])
 
     return command
@@ -106,8 +106,8 @@ def _dog(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilot:
     """Trots on the spot by torques towards winding references of its joints."""
     joints = [i for name, i in at.items() if f"{name}_dot" in at]
     rates = [i + 1 for i in joints]
-    stride, lift = rng.uniform(1.2, 2.2), rng.uniform(0.1, 0.25)
-    size, rate, phase = rng.uniform(0.03, 0.15, 12), rng.uniform(0.4, 1.5, 12), rng.uniform(0.0, TAU, 12)
+    stride, lift = rng.uniform(1.2, 2.2), rng.uniform(0.08, 0.2)
+    size, rate, phase = rng.uniform(0.02, 0.1, 12), rng.uniform(0.4, 1.5, 12), rng.uniform(0.0, TAU, 12)
 
     def command(t: float, s: FloatArray) -> FloatArray:
         begun = float(np.clip((t + SETTLES) / SETTLES, 0.0, 1.0))
@@ -115,7 +115,7 @@ def _dog(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilot:
         up = np.maximum(np.sin(TAU * stride * t + np.array([0.0, np.pi, np.pi, 0.0])), 0.0) * begun * lift
         wanted[1::3] += 1.2 * up
         wanted[2::3] -= 2.4 * up
-        return np.asarray(60.0 * (wanted - s[joints]) - 1.5 * s[rates])
+        return np.asarray(60.0 * (wanted - s[joints]) - 1.2 * s[rates])
 
     return command
 
