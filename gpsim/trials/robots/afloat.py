@@ -17,6 +17,7 @@ A quarter of the worlds lacks nothing. Half of what floats is read by a motion c
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -159,9 +160,12 @@ def draw_afloat(seed: int, number: int, attempt: int = 0) -> World:
 
 
 def _effects(name: str, rng: np.random.Generator) -> tuple[TrueEffect, ...]:
+    """One to five, every family as likely as another, wherever it may act."""
     items, wanted = items_of(name), int(rng.integers(1, MOST + 1))
+    many = Counter(family for family, *_ in items)
+    likely = [1.0 / many[family] / len(many) for family, *_ in items]
     chosen: list[Item] = []
-    for i in rng.permutation(len(items)):
+    for i in rng.choice(len(items), len(items), replace=False, p=likely):
         if len(chosen) < wanted and not any(_clash(name, items[i], other) for other in chosen):
             chosen.append(items[i])
     out = []

@@ -91,7 +91,7 @@ def _hopper(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilo
     """Squats and sways on its foot by torques that hold its joints."""
     joints = [at[f"{j}_joint"] for j in ("thigh", "leg", "foot")]
     rates = [i + 1 for i in joints]
-    size, rate = rng.uniform(0.02, 0.07, 3), rng.uniform(0.4, 2.0, 3)
+    size, rate = rng.uniform(0.02, 0.12, 3), rng.uniform(0.4, 2.0, 3)
     phase, gear = rng.uniform(0.0, TAU, 3), np.array(model.actuator_gear)[:, 0]
 
     def command(t: float, s: FloatArray) -> FloatArray:
@@ -106,8 +106,8 @@ def _dog(model: Any, at: Mapping[str, int], rng: np.random.Generator) -> Pilot:
     """Trots on the spot by torques towards winding references of its joints."""
     joints = [i for name, i in at.items() if f"{name}_dot" in at]
     rates = [i + 1 for i in joints]
-    stride, lift = rng.uniform(1.2, 2.2), rng.uniform(0.08, 0.2)
-    size, rate, phase = rng.uniform(0.02, 0.1, 12), rng.uniform(0.4, 1.5, 12), rng.uniform(0.0, TAU, 12)
+    stride, lift = rng.uniform(1.2, 2.2), rng.uniform(0.08, 0.26)
+    size, rate, phase = rng.uniform(0.02, 0.13, 12), rng.uniform(0.4, 1.5, 12), rng.uniform(0.0, TAU, 12)
 
     def command(t: float, s: FloatArray) -> FloatArray:
         begun = float(np.clip((t + SETTLES) / SETTLES, 0.0, 1.0))
