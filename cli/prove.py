@@ -46,6 +46,14 @@ Robots = Annotated[
         help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
     ),
 ]
+Floating = Annotated[
+    int,
+    typer.Option(
+        "--floating",
+        min=0,
+        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
+    ),
+]
 Curves = Annotated[
     int,
     typer.Option(
@@ -86,6 +94,7 @@ MISSES = {
     "rough": "{} of {} rough worlds not right in all, listed in the page",
     "machines": "{} of {} machines not right in all, listed in the page",
     "whole": "{} of {} whole robots not right in all, listed in the page",
+    "afloat": "{} of {} that float or stand not right in all, listed in the page",
     "curves": "{} of {} laws of no family not right in all, listed in the page",
     "plans": "{} of {} worlds for plans missed",
     "mjcf": "{} misses of {} robots, listed in the page",
@@ -105,6 +114,7 @@ class Worlds:
     rough: Rough = 0
     machines: Machines = 0
     robots: Robots = 0
+    floating: Floating = 0
     curves: Curves = 0
     plan: Plans = 0
     system: System = None
@@ -123,10 +133,11 @@ class Worlds:
                 "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
                 "leave --rough, --machines, --curves, --plan and --no-long out"
             )
-        if self.robots and not self.system:
-            raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
+        for option, count in (("--robots", self.robots), ("--floating", self.floating)):
+            if count and not self.system:
+                raise UsageError(f"{option}: such robots are worlds of --system mjcf; say that, too")
         if self.system:
-            return prove.robots_numbers(self.trials, self.stratum or (), self.robots)
+            return prove.robots_numbers(self.trials, self.stratum or (), self.robots, self.floating)
         return prove.numbers_of(self.trials, self.stratum or (), self.long, *others)
 
 

@@ -1,4 +1,4 @@
-"""A proof's tables of its special worlds: rough logs, robots, whole machines, whole robots, curves.
+"""A proof's tables of its special worlds: rough logs, robots, whole machines, whole robots, what floats, curves.
 
 Each group has the same tables: its figures with their intervals, the same by stratum, and counts by family.
 """
@@ -144,6 +144,25 @@ GROUPS: Mapping[str, Group] = {
         "bodies: by their own name, in a combination that was named, or by torques that are alike",
         with_intervals=True,
     ),
+    "afloat": Group(
+        "Afloat",
+        (
+            WORLDS,
+            _count("right", "worlds_right_count", "worlds_right_of", "worlds_right"),
+            _count("false alarms", "false_alarms_count", "false_alarms_of", "false_alarms"),
+            _count("effects right", "effects_right_count", "effects_right_of", "effects_right"),
+            _mean("not there, a world", "spurious"),
+            _share("rollouts within 1.3 %", "rollouts_within"),
+            _number("median ratio", lambda b: significant(b["median_rollouts"])),
+            COVERAGE,
+            *ENDS,
+        ),
+        ("Afloat: effects right by family", "right"),
+        "Afloat, with intervals",
+        "quadrotors and boats, hoppers and dogs, which nothing holds; right: every effect told within 15 % of what it "
+        "changes or the interval, and nothing in the headline that is not there",
+        with_intervals=True,
+    ),
     "curves": Group(
         "Measured curves",
         (
@@ -189,6 +208,15 @@ DRIVES: Sayers = {
     **ROLLOUTS,
     **JUDGED,
 }
+FLOATS: Sayers = {
+    "worlds": lambda b: str(b["n"]),
+    "right": lambda b: f"{b['worlds_right_count']}/{b['worlds_right_of']}",
+    "false alarms": lambda b: f"{b['false_alarms_count']}/{b['false_alarms_of']}",
+    "effects right": lambda b: f"{b['effects_right_count']}/{b['effects_right_of']}",
+    "told and not there, a world": lambda b: fixed(b["spurious"], 2),
+    **ROLLOUTS,
+    **JUDGED,
+}
 CLASSES_NOTE = (
     "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own names or by "
     "ones that explain as much; rollouts: held-out error over that of the true model fitted to the same episodes"
@@ -206,6 +234,8 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
     if part == "machines":  # its figures by class of machine are what fits a terminal
         yield turned_sheet(group.title, block, "class", CLASSES, CLASSES_NOTE)
         yield verdicts_sheet(group.title, block["verdicts"])
+    if part == "afloat":
+        yield turned_sheet(group.title, block, "robot", FLOATS, group.note)
     if part == "whole":
         yield turned_sheet(group.title, block, "driven by", DRIVES, group.note)
     yield _figures(group, group.all_of_them, {"all": block}, group.note)
@@ -225,10 +255,10 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
 
 def brief_sheets(content: Json) -> list[Sheet]:
     """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
-    rough, robots, machines, whole, curves = (
+    rough, robots, machines, whole, afloat, curves = (
         list(part_sheets(part, content[part])) if content.get(part) else [] for part in GROUPS
     )
-    return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1], *curves[:1]]
+    return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1], *afloat[:1], *curves[:1]]
 
 
 def turned_sheet(title: str, block: Json, stratum: str, figures: Sayers, note: str) -> Sheet:

@@ -91,9 +91,12 @@ def _true_share(score: Json) -> str:
 
 
 def _wrong_parts(score: Json) -> str:
-    """Of a whole robot the rows and bodies that are wrong."""
+    """Of a whole robot, and of what floats, the rows, bodies and effects that are wrong."""
     wrong = [
-        part for kind in ("rows", "bodies") for part in score.get(kind, ()) if part["counts"] > part["right"]
+        part
+        for kind in ("rows", "bodies", "parts")
+        for part in score.get(kind, ())
+        if part["counts"] > part["right"]
     ]
     words = [f"{p['family']} on {p['on']} {_size(p)}" for p in wrong]
     return f"; wrong: {', '.join(words)}" if words else ""
@@ -193,6 +196,7 @@ WORDS = {
     "plans": "worlds for plans that some second recording resolves",
     "mjcf": "robots by their MuJoCo models",
     "whole": "whole robots",
+    "afloat": "robots that float or stand",
     "curves": "laws of one input that no family has",
 }
 """The groups of special worlds, as a page counts them."""

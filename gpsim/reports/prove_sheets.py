@@ -82,7 +82,8 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; machines: whole ones; whole robots: all joints at once; curves: laws of no family; "
+        "on rough worlds; machines: whole ones; whole robots: all joints at once; afloat: what floats or "
+        "stands; curves: laws of no family; "
         "!: missed, also by the interval of a share or of a mean",
     )
 
@@ -92,7 +93,7 @@ def _number(part: str, key: str, block: Json) -> str:
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
-    if part == "whole" and key != "spurious":
+    if part in ("whole", "afloat") and key != "spurious":
         return f"{block[f'{key}_count']}/{block[f'{key}_of']}"
     if part == "machines" and key != "spurious":
         every = block[MACHINES_COUNTED.get(key, "n")]

@@ -40,7 +40,7 @@ from gpsim.trials.drawing import (
     kind_of,
     stratum_of,
 )
-from gpsim.trials.robots import ROBOTS_FROM, WHOLE_FROM
+from gpsim.trials.robots import AFLOAT_FROM, ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
 from gpsim.trials.statistics import summarise
@@ -53,7 +53,9 @@ MJCF = "mjcf"
 """What --system asks for."""
 ROBOT_STRATA = ("single", "pair", "none")
 APART = {name: f"--{name} 20, with --trials 0 no others" for name in ("machines", "curves", "rough")}
-COUNTED = {"whole": "whole robots", "rough": "rough worlds"}
+COUNTED = {"whole": "whole robots", "rough": "rough worlds", "afloat": "worlds that float or stand"}
+ROBOTS_APART = {"whole": "--system mjcf --robots 20, with --trials 0"}
+ROBOTS_APART |= {"afloat": "--system mjcf --floating 20, with --trials 0"}
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
@@ -70,7 +72,7 @@ def numbers_of(
 
     Raises UsageError.
     """
-    _refuse_strange(strata, STRATA, "", {"whole": "--system mjcf --robots 20, with --trials 0"} | APART)
+    _refuse_strange(strata, STRATA, "", ROBOTS_APART | APART)
     if "words" in strata and len(strata) > 1:
         raise UsageError("worlds of newer families are counted by themselves: --stratum words alone")
 
@@ -109,18 +111,20 @@ def machines_numbers(machines: int) -> list[int]:
     return list(islice(able, machines))
 
 
-def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0) -> list[int]:
-    """The first `trials` numbers of worlds whose simulator is a MuJoCo model, of one of `strata`, and of whole robots.
+def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0, floating: int = 0) -> list[int]:
+    """The first `trials` numbers of worlds whose simulator is a MuJoCo model, of one of `strata`.
 
-    All strata when empty. Raises UsageError.
+    And of whole robots and of what floats or stands. All strata when empty. Raises UsageError.
     """
-    whole_ones = {"whole": "--robots 20, with --trials 0 no others"}
-    _refuse_strange(strata, ROBOT_STRATA, " of --system mjcf", whole_ones)
-    if trials + whole < 1:
-        raise UsageError("no worlds: say how many with --trials, --robots for whole robots")
+    _refuse_strange(strata, ROBOT_STRATA, " of --system mjcf", ROBOTS_APART)
+    if trials + whole + floating < 1:
+        raise UsageError(
+            "no worlds: say how many with --trials, --robots for whole robots, --floating for what floats or stands"
+        )
     wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
     few = [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
-    return [*few, *range(WHOLE_FROM + 1, WHOLE_FROM + whole + 1)]
+    others = ((WHOLE_FROM, whole), (AFLOAT_FROM, floating))
+    return [*few, *(n for first, many in others for n in range(first + 1, first + many + 1))]
 
 
 def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, progress: Progress) -> Path:

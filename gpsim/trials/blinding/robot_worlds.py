@@ -1,8 +1,10 @@
-"""Concealing robots, with the model that is believed: of one or two effects, whole ones, or an arm as a machine."""
+"""Concealing robots, with the model that is believed: few effects, whole ones, afloat, an arm as a machine."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.recordings import Recording
@@ -10,16 +12,21 @@ from gpsim.trials.blinding.concealment import FAR, SHORTEST, Concealed, first_ma
 from gpsim.trials.blinding.logs import logged
 from gpsim.trials.robots import (
     SHOWS,
+    afloat_rank,
+    draw_afloat,
     draw_arm,
     draw_robot,
     draw_whole,
     files_of,
+    kept_afloat,
     motion_of,
     recorded,
     run,
+    run_afloat,
     run_whole,
     shares_of,
     shown,
+    shown_afloat,
     sound,
     whole_rank,
 )
@@ -39,9 +46,11 @@ class _Kept(NamedTuple):
     clean: Recording
 
 
-def _kept(world: World, truth: Run, fewest: int, shortest: int) -> _Kept | None:
-    """None where too little survives."""
-    samples = long_enough(sound(world, truth), shortest, fewest)
+def _kept(
+    world: World, truth: Run, fewest: int, shortest: int, ends: FloatArray | None = None
+) -> _Kept | None:
+    """None where too little survives; ends: (E,) samples before each episode went wrong, by default those of an arm."""
+    samples = long_enough(sound(world, truth) if ends is None else ends, shortest, fewest)
     if samples is None:
         return None
     recording, clean = (recorded(world, read, truth, samples) for read in (truth.measured, truth.clean))
@@ -51,6 +60,8 @@ def _kept(world: World, truth: Run, fewest: int, shortest: int) -> _Kept | None:
 def conceal_robot(seed: int, number: int) -> Concealed:
     """Draw and run trial `number` of a seed; anew where too little survives or an effect does not show."""
     made = _few if whole_rank(number) is None else _whole
+    if afloat_rank(number) is not None:
+        made = _afloat
     nothing = f"no world could be run in {ATTEMPTS} attempts"
     return first_made(lambda attempt: made(seed, number, attempt), ATTEMPTS, (seed, number), nothing)
 
@@ -77,6 +88,23 @@ def _whole(seed: int, number: int, attempt: int) -> Concealed | None:
     effects = [{"share": None if s is None else round(s, 6), "visible": True} for s in shares]
     facts = log_facts(world, {name: count for name, count in log.counts.items() if count})
     return _robots(world, kept, log.recording, effects, {"whole": {"model": log.recording.model, **facts}})
+
+
+def _afloat(seed: int, number: int, attempt: int) -> Concealed | None:
+    world = draw_afloat(seed, number, attempt)
+    truth = run_afloat(world)
+    ends = kept_afloat(truth)
+    kept = _kept(world, truth, FEWEST, ROBOTS_SHORTEST, ends)
+    if kept is None:
+        return None
+    seen = shown_afloat(world, truth, kept.samples)
+    if min(seen, default=SHOWS) < SHOWS:
+        return None
+    effects = [{"rollout": round(min(size, FAR), 3), "visible": True} for size in seen]
+    falls = int(np.sum(ends < world.steps + 1))
+    return _robots(
+        world, kept, kept.recording, effects, {"afloat": {"model": kept.recording.model, "falls": falls}}
+    )
 
 
 def conceal_arm(seed: int, number: int, attempt: int, fewest: int) -> Concealed | None:

@@ -15,7 +15,7 @@ from gpsim.channels import FloatArray
 from gpsim.trials.drawing.draws import NOISE
 from gpsim.trials.worlds import PLAYED, SYSTEMS, Dial, TrueEffect, World, rounded
 
-PLANS_FROM = 500_000
+PLANS_FROM, PLANS_TO = 500_000, 600_000
 DT, SECONDS = 0.02, 30.0  # of the first recording
 LEVELS = ("normal", "heavy")  # of noise
 SWAY = 0.6  # rad, how far slow waves move it
@@ -38,7 +38,7 @@ HIDDEN: Mapping[str, Size] = {
 
 def plan_rank(number: int) -> int | None:
     """Which of the worlds for plans a trial is, from 0; None where it is none."""
-    return number - PLANS_FROM - 1 if number > PLANS_FROM else None
+    return number - PLANS_FROM - 1 if PLANS_FROM < number <= PLANS_TO else None
 
 
 def draw_plan(seed: int, number: int) -> World:

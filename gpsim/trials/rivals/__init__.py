@@ -8,7 +8,12 @@ from gpsim.trials.rivals.equivalents import Listing, cached_listing
 from gpsim.trials.rivals.fits import Rival, as_hypothesis
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
 from gpsim.trials.rivals.plan_rivals import PLANNED, Second, compared, second_recordings
-from gpsim.trials.rivals.robot_rivals import WholeListing, robot_rivals, whole_listing
+from gpsim.trials.rivals.robot_rivals import (
+    WholeListing,
+    afloat_rollouts,
+    robot_rivals,
+    whole_listing,
+)
 
 __all__ = [
     "PLANNED",
@@ -18,6 +23,7 @@ __all__ = [
     "Second",
     "Seen",
     "WholeListing",
+    "afloat_rollouts",
     "as_hypothesis",
     "cached_listing",
     "compared",

@@ -35,7 +35,11 @@ from gpsim.trials.rivals.kept import (
 from gpsim.trials.robots import body_torques, joint_torques, motion_of, run_whole, sound
 from gpsim.trials.worlds import TrueEffect, World
 
-VERSION, WHOLE_VERSION = 1, 1  # of the rules: raise one whenever something else may come of them
+VERSION, WHOLE_VERSION, AFLOAT_VERSION = (
+    1,
+    1,
+    1,
+)  # of the rules: raise one whenever something else may come of them
 WINDOWS, HOW = 80, (30, 0.01)  # iterations and tolerance of a fit
 
 
@@ -105,17 +109,34 @@ def whole_listing(out: Path, name: str, answer: Answer, outcome: Json, report: J
     said = [] if report is None else list(report["effects"])
 
     def make() -> dict[str, Any]:
-        world, effects, rollouts = answer.world, list(map(as_true, said)), {}
-        if report is not None:
-            held = [str(n) for n in report["fit"]["held_out"]]
-            opened = opened_model(out / PUBLIC / name)
-            rollouts = rollouts_over_truth(*opened, held, world.effects, effects)
-        return {"rollouts": rollouts, "bodies_off": bodies_off(world, effects)}
+        rollouts = _rollouts(out / PUBLIC / name, answer.world, report)
+        return {"rollouts": rollouts, "bodies_off": bodies_off(answer.world, list(map(as_true, said)))}
 
     told = list(map(in_short, said))
     follows_from = {"whole_version": WHOLE_VERSION, **digests_of(outcome), "said": told}
     kept = kept_or_made(out, name, follows_from, make)
     return WholeListing(ratios_from(kept), float(kept["bodies_off"]))
+
+
+def afloat_rollouts(
+    out: Path, name: str, answer: Answer, outcome: Json, report: Json | None
+) -> dict[str, float]:
+    """Of what floats or stands, channel -> error of held-out rollouts over the refitted truth's; kept as above."""
+    told = [] if report is None else list(map(in_short, report["effects"]))
+    follows_from = {"afloat_version": AFLOAT_VERSION, **digests_of(outcome), "said": told}
+    kept = kept_or_made(
+        out, name, follows_from, lambda: {"rollouts": _rollouts(out / PUBLIC / name, answer.world, report)}
+    )
+    return ratios_from(kept)
+
+
+def _rollouts(public: Path, world: World, report: Json | None) -> dict[str, float]:
+    if report is None:
+        return {}
+    held = [str(n) for n in report["fit"]["held_out"]]
+    return rollouts_over_truth(
+        *opened_model(public), held, world.effects, list(map(as_true, report["effects"]))
+    )
 
 
 def bodies_off(world: World, said: Sequence[TrueEffect]) -> float:

@@ -2,9 +2,11 @@
 
 `models` are of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `plant` moves,
 `shown` says how much each effect shows, `recorded` is the log that a user would have. `draw_whole` draws a whole robot,
-`run_whole` drives it, `shares_of` says what each effect asks of its joint.
+`run_whole` drives it, `shares_of` says what each effect asks of its joint. `draw_afloat` draws what floats or stands,
+`run_afloat` keeps it up.
 """
 
+from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, draw_afloat
 from gpsim.trials.robots.draws import (
     ROBOTS_FROM,
     draw_arm,
@@ -13,6 +15,7 @@ from gpsim.trials.robots.draws import (
     stratum_of,
 )
 from gpsim.trials.robots.driving import sound
+from gpsim.trials.robots.free_motion import kept_afloat, run_afloat, shown_afloat
 from gpsim.trials.robots.models import Layout, Robot, files_of, layout_of, robot_of, spec_of
 from gpsim.trials.robots.running import SHOWS, recorded, run, run_whole, shown
 from gpsim.trials.robots.whole import (
@@ -28,18 +31,22 @@ from gpsim.trials.robots.whole import (
 )
 
 __all__ = [
+    "AFLOAT_FROM",
     "ROBOTS_FROM",
     "ROWS",
     "SHOWS",
     "WHOLE_FROM",
     "Layout",
     "Robot",
+    "afloat_rank",
     "body_torques",
+    "draw_afloat",
     "draw_arm",
     "draw_robot",
     "draw_whole",
     "files_of",
     "joint_torques",
+    "kept_afloat",
     "layout_of",
     "motion_of",
     "of_body",
@@ -47,9 +54,11 @@ __all__ = [
     "robot_of",
     "robot_rank",
     "run",
+    "run_afloat",
     "run_whole",
     "shares_of",
     "shown",
+    "shown_afloat",
     "sound",
     "spec_of",
     "stratum_of",

@@ -63,6 +63,11 @@ class Robot:
     tilts: bool = False
 
 
+def _afloat(name: str, files: Callable[[], Files], steps: tuple[float, ...], body: str) -> Robot:
+    """One that a controller of its own keeps up (`pilots`): what is drawn of it stands in `afloat`."""
+    return Robot(name, f"{name}.xml", files, (), steps, {}, (), (), (body,), (), (), Drives(()))
+
+
 def of_own(name: str, called: str = "") -> Files:
     """A model that lies beside this file."""
     return {called or f"{name}.xml": _text(Path(__file__).with_name(f"{name}.xml"))}
@@ -213,6 +218,16 @@ OTHERS: Mapping[str, Robot] = {
     )
 }  # fmt: skip
 """Robots that whole robots' worlds have besides."""
+AFLOAT: Mapping[str, Robot] = {
+    robot.name: robot
+    for robot in (
+        _afloat("quadrotor", lambda: of_own("quadrotor"), (0.005, 0.01), "frame"),
+        _afloat("boat", lambda: of_own("boat"), (0.02, 0.025, 0.04, 0.05), "hull"),
+        _afloat("hopper", lambda: of_gymnasium("hopper.xml"), (0.01,), "torso"),
+        _afloat("dog", lambda: of_own("dog"), (0.01,), "trunk"),
+    )
+}
+"""Robots that float, or stand on a floor that nothing ties them to."""
 SERVOS = "_servos"  # behind the name of a robot whose motors are position servos
 SERVOED = ("ur5", *OTHERS)
 """Robots with a motor on each joint, which position servos may be instead."""
@@ -224,7 +239,7 @@ DAMPED = 0.8  # of a servo's critical damping
 
 def robot_of(name: str) -> Robot:
     """The robot of a name."""
-    bare = {**ROBOTS, **OTHERS}[name.removesuffix(SERVOS)]
+    bare = {**ROBOTS, **OTHERS, **AFLOAT}[name.removesuffix(SERVOS)]
     if not name.endswith(SERVOS):
         return bare
     return replace(
@@ -284,7 +299,10 @@ def spec_of(name: str) -> Any:
 
 @dataclass(frozen=True)
 class Layout:
-    """A robot's channels: joints in order, each followed by its velocity; actions; and their units."""
+    """A robot's channels: joints in order, each followed by its velocity; actions; and their units.
+
+    Of a free joint its pose, then its twist. driven: none for an actuator at a site.
+    """
 
     joints: tuple[str, ...]
     state: Mapping[str, str]
@@ -297,6 +315,18 @@ class Layout:
         """State channels in column order."""
         return tuple(self.state)
 
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Those of them that are no velocity."""
+        return tuple(name for name, unit in self.state.items() if not unit.endswith("/s"))
+
+
+FREE = {
+    **dict.fromkeys(("x", "y", "z"), "m"), **dict.fromkeys(("qw", "qx", "qy", "qz"), "1"),
+    **dict.fromkeys(("vx", "vy", "vz"), "m/s"), **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
+}  # fmt: skip
+"""Pose and twist of a free joint: linear velocity in the world, angular in the body."""
+
 
 @lru_cache(maxsize=8)
 def layout_of(name: str) -> Layout:
@@ -306,12 +336,17 @@ def layout_of(name: str) -> Layout:
     joints = tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
     lengths = ["rad" if turns else "m" for turns in hinge]
     state: dict[str, str] = {}
-    for joint, unit in zip(joints, lengths, strict=True):
-        state |= {joint: unit, f"{joint}_dot": f"{unit}/s"}
+    for joint, unit, kind in zip(joints, lengths, model.jnt_type, strict=True):
+        free = int(kind) == mj.mjtJoint.mjJNT_FREE
+        afloat = {f"{joint}.{part}": u for part, u in FREE.items()}
+        state |= afloat if free else {joint: unit, f"{joint}_dot": f"{unit}/s"}
     action, driven, servos = {}, {}, []
     for i in range(model.nu):
         own = model.actuator(i).name or f"actuator{i}"
         called, j = f"{own}_cmd" if own in state else own, int(model.actuator_trnid[i, 0])
+        if int(model.actuator_trntype[i]) == mj.mjtTrn.mjTRN_SITE:
+            action[called] = "1"
+            continue
         servo = float(model.actuator_biasprm[i, 1]) != 0.0
         plain = float(model.actuator_gear[i, 0]) == 1.0 and float(model.actuator_gainprm[i, 0]) == 1.0
         action[called] = lengths[j] if servo else ("N m" if hinge[j] else "N") if plain else "1"

@@ -129,7 +129,7 @@ def changed_model(robot: str, effects: Sequence[TrueEffect]) -> Any:
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
     for e in effects:
         if e.family == "armature":
-            model.dof_armature[layout.joints.index(e.on)] += e.values["inertia"]
+            model.dof_armature[model.jnt_dofadr[layout.joints.index(e.on)]] += e.values["inertia"]
         elif e.family == "gravity_tilt":
             model.opt.gravity[:] = tilted(np.array(model.opt.gravity), e.values["roll"], e.values["pitch"])
         elif e.family == "parameter_offset":
@@ -148,6 +148,8 @@ def _retune(model: Any, actions: Any, on: str, values: Values) -> None:
         model.body_mass[model.body(owner).id] *= ratio
     elif what == "inertia":
         model.body_inertia[model.body(owner).id] *= ratio
+    elif what == "friction":  # of what stands on it, too, of which the rougher one decides
+        model.geom_friction[:, 0] *= ratio
     elif what.startswith("com_"):
         model.body_ipos[model.body(owner).id, "xyz".index(what[-1])] += values["offset"]
     else:

@@ -43,7 +43,7 @@ def run(world: World, effects: Sequence[TrueEffect]) -> Run:
 def recorded(world: World, readings: FloatArray, truth: Run, kept: FloatArray) -> Recording:
     """The readings (K + 1, E, S) of the first kept (E,) samples of every episode; velocities where they are read."""
     layout = layout_of(world.system)
-    names = [n for n in layout.names if world.velocities or n in layout.joints]
+    names = list(layout.names if world.velocities else layout.places)
     columns = [layout.names.index(n) for n in names]
     episodes = tuple(
         Episode(

@@ -83,6 +83,18 @@ def _odds_in_nats(effect: Json) -> float:
     return math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
 
 
+def is_part(effect: Json, names: set[str]) -> bool:
+    """Whether an effect is in a combination, which names its parameters."""
+    family, on = identity(effect)
+    return any(name.startswith(f"{family} on {on}: ") for name in names)
+
+
+def is_combined(effect: Json, truth: Claim, combined: Sequence[set[str]]) -> bool:
+    """Whether what was said is told to be inseparable of something that is there."""
+    there = [{"family": f, "on": on} for f, on in truth]
+    return any(is_part(effect, names) and any(is_part(e, names) for e in there) for names in combined)
+
+
 def opened(answer: Answer, equal: Sequence[Claim] | set[Claim] = (), **more: Any) -> dict[str, Any]:
     """What the score of any world begins with; equal: what is as right as the truth."""
     return {

@@ -12,12 +12,14 @@ from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_r
 from gpsim.trials.rivals import (
     Listing,
     Second,
+    afloat_rollouts,
     cached_listing,
     machine_listing,
     robot_rivals,
     second_recordings,
     whole_listing,
 )
+from gpsim.trials.scoring.afloat_rules import score_afloat
 from gpsim.trials.scoring.claims import Json
 from gpsim.trials.scoring.contradictions import contradictions
 from gpsim.trials.scoring.curve_rules import score_curve, score_plan
@@ -66,6 +68,7 @@ Rules = tuple[Callable[..., Any], Callable[..., dict[str, Any]]]
 BY_THEMSELVES: Mapping[str, Rules] = {
     "machines": (machine_listing, score_machine),
     "whole": (whole_listing, score_whole),
+    "afloat": (afloat_rollouts, score_afloat),
     "curves": (lambda *given: None, lambda answer, report, nothing: score_curve(answer, report)),
     "plans": (_second, score_plan),
 }

@@ -23,6 +23,8 @@ from gpsim.trials.scoring.claims import (
     failed,
     headline_of,
     identity,
+    is_combined,
+    is_part,
     listed,
     opened,
     parameter_errors,
@@ -58,7 +60,7 @@ def score_whole(answer: Answer, report: Json | None, listing: WholeListing | Non
     spurious = [
         e
         for e in headline_of(report["effects"])
-        if identity(e) not in allowed and not (alike and _of_body(e)) and not _is_combined(e, truth, combined)
+        if identity(e) not in allowed and not (alike and _of_body(e)) and not is_combined(e, truth, combined)
     ]
     verdict, names = str(report["verdict"]), claims_of(report["effects"])
     verdicts = ["ambiguous", "named"] if combined else ["named"]
@@ -107,20 +109,9 @@ def _how(effect: Json, report: Json, combined: Sequence[set[str]], alike: bool) 
     for p in parameter_errors([effect], report["effects"]):
         if p["name"] in ("mass", "ratio") and (p["covered"] or p["error_of_effect"] <= WITHIN):
             return OWN
-    if any(_is_part(effect, names) for names in combined):
+    if any(is_part(effect, names) for names in combined):
         return COMBINED
     return ALIKE if alike else ""
-
-
-def _is_part(effect: Json, names: set[str]) -> bool:
-    family, on = identity(effect)
-    return any(name.startswith(f"{family} on {on}: ") for name in names)
-
-
-def _is_combined(effect: Json, truth: Claim, combined: Sequence[set[str]]) -> bool:
-    """Whether what was said is told to be inseparable of something that is there."""
-    there = [{"family": f, "on": on} for f, on in truth]
-    return any(_is_part(effect, names) and any(_is_part(e, names) for e in there) for names in combined)
 
 
 def _said_rows(report: Json, answer: Answer) -> dict[Identity, Sized]:

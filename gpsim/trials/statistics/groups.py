@@ -33,6 +33,7 @@ WITHIN = 1.3  # times the true model's own error after a rollout
 CLEARLY = 0.95  # of the effects' error, that a black box must stay below to be better
 PLANNED = "plan"
 SERVOS = "_servos"
+TOGETHER = ("actuator_lag", "actuator_delay")  # all actuators of what floats have them alike
 
 
 def _of(name: str, nothing: str = "") -> Key:
@@ -73,6 +74,14 @@ STRATA: Mapping[str, Mapping[str, Key]] = {
         "driven by": _yes_or_no("servos", "position servos", "motors"),
         "read": _yes_or_no("velocities", "speeds, too", "positions in steps, rows lost"),
         "bodies off": lambda s: str(len(s["bodies"])),
+        "noise known": _yes_or_no("noise_known"),
+    },
+    "afloat": {
+        "robot": _of("system"),
+        "effects": lambda s: str(
+            len({p["family"] if p["family"] in TOGETHER else (p["family"], p["on"]) for p in s["parts"]})
+        ),
+        "read": _yes_or_no("velocities", "pose and twist", "pose only"),
         "noise known": _yes_or_no("noise_known"),
     },
     "curves": {
@@ -196,6 +205,27 @@ def _whole(scores: Sequence[Score]) -> dict[str, Any]:
     }
 
 
+def _afloat(scores: Sequence[Score]) -> dict[str, Any]:
+    """Of what floats or stands. A failed diagnosis tells nothing and is no alarm."""
+    covered = _parameters(scores, "covered")
+    out: dict[str, Any] = {"n": len(scores)}
+    for name, hits in (
+        ("worlds_right", [s["right"] for s in scores]),
+        ("false_alarms", [s["false_alarm"] for s in answered(scores) if not s["parts"]]),
+        ("effects_right", [p["right"] for p in _counting(scores, "parts")]),
+        ("verdict_right", [s["verdict_right"] for s in scores]),
+        ("rollouts_within", _near(scores)),
+        ("coverage_90", flat(covered)),
+    ):
+        out |= {**share(name, hits), f"{name}_count": sum(map(bool, hits)), f"{name}_of": len(hits)}
+    return out | {
+        **coverage(covered),
+        **mean("spurious", [float(s["spurious"]) for s in answered(scores)]),
+        **median("median_rollouts", _rollouts(scores)),
+        **_end(scores),
+    }
+
+
 def _curves(scores: Sequence[Score]) -> dict[str, Any]:
     """Of worlds with a law of no family. A failed diagnosis has no curve."""
     return {
@@ -297,6 +327,19 @@ def whole_figures(scores: Sequence[Score]) -> dict[str, Any]:
     )
 
 
+def afloat_figures(scores: Sequence[Score]) -> dict[str, Any]:
+    """Effects by family, too, and what was said and is not there."""
+    families = [(p["family"], p["right"]) for p in _counting(scores, "parts")]
+    found = Counter(f"{s['system']}: {family} on {on}" for s in scores for family, on in s["spurious_names"])
+    return _figures(
+        scores,
+        "afloat",
+        _afloat,
+        families=rates_by(families, "right"),
+        spurious_families=dict(sorted(found.items())),
+    )
+
+
 def curve_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """By kind of law, too; of those that are visible, where what was visited shows that no line says the same."""
     seen = [s for s in scores if s["visible"] and s["identifiable"]]
@@ -345,6 +388,7 @@ FIGURES: Mapping[str, Callable[[Sequence[Score]], dict[str, Any]]] = {
     "mjcf": robot_figures,
     "machines": machine_figures,
     "whole": whole_figures,
+    "afloat": afloat_figures,
     "curves": curve_figures,
     "plans": plan_figures,
 }

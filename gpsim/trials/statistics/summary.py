@@ -30,9 +30,9 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     """The content of prove.json, without what the caller knows of how it was run.
 
     The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds, the
-    robots, the machines, the whole robots, the curves, the plans and the newer families by themselves. `all` holds
-    every plain world; `strata` the same figures by noise, strength, velocities, system, engine, excitation and
-    visibility.
+    robots, the machines, the whole robots, what floats or stands, the curves, the plans and the newer families by
+    themselves. `all` holds every plain world; `strata` the same figures by noise, strength, velocities, system, engine,
+    excitation and visibility.
     """
     groups = {name: [s for s in scores if _group(s) == name] for name in (*FIGURES, "words")}
     plain = [s for s in scores if _group(s) not in FIGURES]

@@ -98,7 +98,8 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 """Parameters of an effect: name -> value in SI units."""
 Stratum = Literal[
-    "single", "pair", "triple", "none", "unknown", "words", "curves", "rough", "machines", "whole", "plans"
+    "single", "pair", "triple", "none", "unknown", "words", "curves", "rough", "machines", "whole", "afloat",
+    "plans"
 ]  # fmt: skip
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 
