@@ -36,6 +36,7 @@ STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)  # of servos' g
 ALIKE = 0.015  # of the base's error, beside one standard error: as good as the best
 BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usual, by other motors or bodies
 PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
+LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
 GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
 DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
 ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
@@ -84,7 +85,7 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     more = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
     if (best := trials.better(best, more, SURELY)) not in fits:
         best = trials.surest([best.again(forces) for forces in every])
-    values, deviations = ({on: (v[i],) for on, v in best.values.items()} for i in (0, 1))
+    values, deviations = ({on: v[i] for on, v in best.values.items()} for i in (0, 1))
     return Sized(values, deviations, best.late, 1.0 - float((best.left / best.was).mean()))
 
 
@@ -101,8 +102,8 @@ class _Trials:
         """(W, Q) mean squares of positions, with what candidates have these values."""
         all_of_it = Hypothesis()
         for c in self._candidates:
-            if (value := values.get(c.identity, (c.declared[0].none,))[0]) != c.declared[0].none:
-                all_of_it = all_of_it.plus(c.term((value,)), c.declared)
+            if (own := values.get(c.identity, (c.declared[0].none,)))[0] != c.declared[0].none:
+                all_of_it = all_of_it.plus(c.term(own), c.declared)
         starts = self._problem.windows.measured[None, :, 0]
         left = self._problem.residuals(all_of_it, all_of_it.theta[None], starts)[0][:, :, self._seen]
         return np.asarray((np.clip(np.nan_to_num(left, nan=3.0), -3.0, 3.0) ** 2).mean(axis=1))
@@ -110,7 +111,7 @@ class _Trials:
     def each(self, fit: _Fit) -> FloatArray:
         """(W,) the mean over all positions."""
         if fit not in self._errors:
-            share = self._missed(fit.values) / self._usual
+            share = self._missed({on: v[0] for on, v in fit.values.items()}) / self._usual
             self._errors[fit] = np.minimum(np.sqrt(share).mean(axis=1), WORST)
         return self._errors[fit]
 
@@ -133,10 +134,14 @@ class _Trials:
 
 @dataclass(frozen=True)
 class _Row:
-    """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several."""
+    """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several.
+
+    moment: 1 to 3 where that is times its place along an axis of its body, as of a payload.
+    """
 
     candidate: Candidate
     joint: int
+    moment: int = 0
 
     @property
     def kind(self) -> str:
@@ -147,6 +152,8 @@ class _Row:
     def bounds(self) -> tuple[float, float]:
         """Of its size."""
         p = self.candidate.declared[0]
+        if self.moment:
+            return -p.high * self.candidate.place.reach, p.high * self.candidate.place.reach
         return WIDEST if self.kind in OFF else (MOSTLY * p.low, p.high)
 
 
@@ -175,6 +182,8 @@ class _Log:
         alone = {a: seen[on] for a, on in drives.items() if on in seen and driven.count(on) == 1}
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
+        loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
+        masses += [[_Row(c, -1, moment) for moment in range(4)] for c in loads]
         self.kinds = [] if self.servos else [motors, *masses] if motors else masses
         if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
             self.kinds = [motors] if motors else []
@@ -276,6 +285,17 @@ class _Forces:
         if row.kind == LATE:
             more = self.log.dt / 4.0
             return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
+        if (
+            row.kind == LOAD
+        ):  # what it takes is linear in its mass, first and second moments: the odd part is the first
+            reach, at = row.candidate.place.reach, np.eye(4)[row.moment, 1:] * (row.moment > 0)
+            some = row.candidate.place.span
+            ends = [
+                row.candidate.term((some, *(side * reach * at)))
+                for side in ((1.0, -1.0) if row.moment else (1.0,))
+            ]
+            takes = [self._lacking(self.commands(late), load) + self.gives(late) for load in ends]
+            return np.asarray((takes[0] - takes[1]) / (2.0 * some * reach) if row.moment else takes[0] / some)
         mass = row.candidate.term((1.0 + OFF[MASS],))
         return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
 
@@ -301,7 +321,9 @@ class _Forces:
         """Rows and what else may be off, by least squares."""
         further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
         a = np.concatenate([self.of_rows, *(self.of(row, late)[:, :, None] for row in further)], axis=2)
-        prior = np.array([*self.prior(), *(OFF[row.kind] for row in further)])
+        loads = [r.candidate.place.span * (r.candidate.place.reach if r.moment else 1.0) for r in further]
+        off = [load if r.kind == LOAD else OFF[r.kind] for r, load in zip(further, loads, strict=True)]
+        prior = np.array([*self.prior(), *off])
         rows = [*self.log.rows, *further]
         bounds = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
         sizes, sd, told, was, left = _least_squares(a, self.gives(late), self.counts, prior, bounds)
@@ -342,23 +364,31 @@ class _Fit:
 
     def again(self, forces: _Forces) -> _Fit:
         """The same asked of forces in another band."""
-        kind, stiff = [row for row in self.rows if row.kind in (GAIN, MASS)], self.forces.stiff
+        kind, stiff = [row for row in self.rows if row.kind in (GAIN, MASS, LOAD)], self.forces.stiff
         return _Forces(forces.log, forces.band, stiff).fitted(self.late, kind).holding(self.held)
 
     @cached_property
-    def values(self) -> dict[tuple[str, str], tuple[float, float]]:
-        """Of what the log tells the value and its deviation."""
+    def values(self) -> dict[tuple[str, str], tuple[tuple[float, ...], tuple[float, ...]]]:
+        """Of what the log tells the values and their deviations."""
         both = zip(self.rows, self.sizes, strict=True)
         gains = {row.joint: 1.0 / (1.0 + size) for row, size in both if row.kind == GAIN}
-        out, log, stiff = dict[tuple[str, str], tuple[float, float]](), self.forces.log, self.forces.stiff
+        out = dict[tuple[str, str], tuple[tuple[float, ...], tuple[float, ...]]]()
+        log, stiff = self.forces.log, self.forces.stiff
         for row, size, sd, told in zip(self.rows, self.sizes, self.deviations, self.told, strict=True):
             gain, p = gains.get(row.joint, 1.0), row.candidate.declared[0]
-            value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0)}.get(row.kind, (size * gain, gain))
+            value, slope = {GAIN: (gain, gain**2), MASS: (1.0 + size, 1.0), LOAD: (size, 1.0)}.get(
+                row.kind, (size * gain, gain)
+            )
             if row.kind == LATE:
-                out |= {c.identity: (self.late, float(sd)) for c in log.late}
-            elif told:
-                out[row.candidate.identity] = float(np.clip(value, p.low, p.high)), float(sd * slope)
-        return out | {c.identity: (stiff, ROUGHLY * stiff) for c in log.servos if stiff != 1.0}
+                out |= {c.identity: ((self.late,), (float(sd),)) for c in log.late}
+            elif row.moment and row.candidate.identity in out:  # over the mass, which comes first
+                mass, sds = out[row.candidate.identity]
+                own, at = row.candidate.declared[row.moment], float(size) / max(mass[0], 1e-9)
+                far = float(np.hypot(sd, at * sds[0])) / max(mass[0], 1e-9)
+                out[row.candidate.identity] = (*mass, float(np.clip(at, own.low, own.high))), (*sds, far)
+            elif told and not row.moment and (row.kind != LOAD or size > 0.0):
+                out[row.candidate.identity] = (float(np.clip(value, p.low, p.high)),), (float(sd * slope),)
+        return out | {c.identity: ((stiff,), (ROUGHLY * stiff,)) for c in log.servos if stiff != 1.0}
 
 
 def _least_squares(
