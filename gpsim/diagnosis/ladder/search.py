@@ -536,7 +536,9 @@ class Search:
         least = OF_ROWS * self.numbers.crumb * self.missing()
         while True:
             laws, terms = self.account.laws, self.account.hypothesis.terms
-            slight = [law.of_row and _slight(law, term) for law, term in zip(laws, terms, strict=True)]
+            slight = [
+                law.owned and law.usual and _slight(law, term) for law, term in zip(laws, terms, strict=True)
+            ]
             prices = [
                 max(price(replace(law, of_row=False), self.shooting.noise.effective, self.numbers.law), least)
                 for law in laws
