@@ -82,8 +82,11 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
     if (late := best.forces.late()) > 0.0:
         best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
-    more = [best.forces.fitted(best.late, kind).holding(best.held) for kind in log.kinds]
-    if (best := trials.better(best, more, SURELY)) not in fits:
+    begun = best
+    for kinds in (log.kinds, log.loads):  # a load in the place of a mass only where that is not enough
+        more = [begun.forces.fitted(begun.late, kind).holding(begun.held) for kind in kinds]
+        best = trials.better(best, more, SURELY)
+    if best not in fits:
         best = trials.surest([best.again(forces) for forces in every])
     values, deviations = ({on: v[i] for on, v in best.values.items()} for i in (0, 1))
     return Sized(values, deviations, best.late, 1.0 - float((best.left / best.was).mean()))
@@ -183,10 +186,10 @@ class _Log:
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
-        masses += [[_Row(c, -1, moment) for moment in range(4)] for c in loads]
+        self.loads = [] if self.servos else [[_Row(c, -1, moment) for moment in range(4)] for c in loads]
         self.kinds = [] if self.servos else [motors, *masses] if motors else masses
         if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
-            self.kinds = [motors] if motors else []
+            self.kinds, self.loads = [motors] if motors else [], []
         own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]
         self.dry = np.zeros(len(coordinates))
         self.dry[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
