@@ -25,6 +25,7 @@ SERVOS = SERVOS.replace(
 RUBBING = SERVOS.replace('damping="0.02"', 'damping="0.02" frictionloss="0.2"')
 """The same with dry friction of its own, which is not what is missing."""
 SIZES = {DOUBLE: (1.2, 0.4), UNDRIVEN: (1.2,), SERVOS: (0.8, 0.8), RUBBING: (0.8, 0.8)}
+LAST = "</body></body></worldbody>"
 VISCOUS, DRY, ROTOR, PUSH = (0.1, 0.05), (0.12, 0.06), (0.03, 0.012), (0.15, -0.08)
 """What is missing at both joints."""
 
@@ -89,9 +90,13 @@ def question_of(
     mass=1.0,
     stiffer=1.0,
     samples=500,
+    load="",
 ):
     """The question of a model as in `text`, of a robot that differs from it."""
-    rng, model = np.random.default_rng(7), truth(text, viscous, dry, rotor, mass, stiffer)
+    rng, model = (
+        np.random.default_rng(7),
+        truth(text.replace(LAST, load + LAST), viscous, dry, rotor, mass, stiffer),
+    )
     episodes = [episode(str(e), model, rng, samples, SIZES[text], push, gain, late) for e in range(3)]
     simulator = load_mjcf(written(folder, text))
     names = [c.name for c in simulator.coordinates]
@@ -165,6 +170,14 @@ def test_a_body_that_is_heavier_is_told(tmp_path):
     sized = said_of(question_of(tmp_path, viscous=VISCOUS, mass=1.3))
     assert sized.values["parameter_offset", "lower.mass"] == pytest.approx((1.3,), rel=0.05)
     check(sized, "viscous_friction", VISCOUS)
+
+
+def test_a_load_near_its_joint_is_told_by_its_first_moments(tmp_path):
+    load = '<body pos="0.1 0 -0.05"><inertial pos="0 0 0" mass="0.3" diaginertia="1e-7 1e-7 1e-7"/></body>'
+    sized = said_of(question_of(tmp_path, viscous=VISCOUS, load=load))
+    mass, x, _, z = sized.values["payload", "lower"]
+    assert (mass * x, mass * z) == pytest.approx((0.03, -0.015), rel=0.05)
+    assert mass == pytest.approx(0.3, rel=0.2)  # its second moments, which are not asked, share with it
 
 
 def test_a_joint_without_a_drive_is_as_good(tmp_path):

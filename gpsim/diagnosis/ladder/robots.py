@@ -1,10 +1,11 @@
 """Where the account of a robot begins: usual rows of all joints by one least squares of inverse dynamics.
 
 Recorded motion says what forces the believed model takes for it. What drives give beyond that is linear in every
-joint's viscous and dry friction, rotor and offset, in masses, and in one over a motor's gain (Gautier and Poignet 2001,
-Control Engineering Practice 9(12)). Both sides are compared below one frequency, after the same filter without phase
-(Gautier, Janot and Vandanjon 2013, IEEE Transactions on Control Systems Technology 21(2)). Which frequency, how late
-commands come, and whether motors, servos or a mass are off, short simulations decide. Only starts come of it.
+joint's viscous and dry friction, rotor and offset, in masses, in a load's first moments, and in one over a motor's gain
+(Gautier and Poignet 2001, Control Engineering Practice 9(12)). Both sides are compared below one frequency, after the
+same filter without phase (Gautier, Janot and Vandanjon 2013, IEEE Transactions on Control Systems Technology 21(2)).
+Which frequency, how late commands come, and whether motors, servos or a mass are off, short simulations decide. Only
+starts come of it.
 """
 
 from __future__ import annotations
@@ -288,19 +289,21 @@ class _Forces:
         if row.kind == LATE:
             more = self.log.dt / 4.0
             return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
-        if (
-            row.kind == LOAD
-        ):  # what it takes is linear in its mass, first and second moments: the odd part is the first
-            reach, at = row.candidate.place.reach, np.eye(4)[row.moment, 1:] * (row.moment > 0)
-            some = row.candidate.place.span
-            ends = [
-                row.candidate.term((some, *(side * reach * at)))
-                for side in ((1.0, -1.0) if row.moment else (1.0,))
-            ]
-            takes = [self._lacking(self.commands(late), load) + self.gives(late) for load in ends]
-            return np.asarray((takes[0] - takes[1]) / (2.0 * some * reach) if row.moment else takes[0] / some)
+        if row.kind == LOAD:
+            return self._of_load(row, late)
         mass = row.candidate.term((1.0 + OFF[MASS],))
         return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
+
+    def _of_load(self, row: _Row, late: float) -> FloatArray:
+        """(K, C): what a kilogram takes at the origin of a body's frame, or its odd part a metre along an axis.
+
+        It is linear in the mass, its first and its second moments, of which only the first change sign with the place.
+        """
+        some, reach = row.candidate.place.span, row.candidate.place.reach
+        at = reach * np.eye(4)[row.moment, 1:] * (row.moment > 0)
+        loads = [row.candidate.term((some, *place)) for place in ((at, -at) if row.moment else (at,))]
+        takes = [self._lacking(self.commands(late), load) + self.gives(late) for load in loads]
+        return np.asarray((takes[0] - takes[1]) / (2.0 * some * reach) if row.moment else takes[0] / some)
 
     def prior(self) -> FloatArray:
         """(R,) deviations of rows' sizes a priori."""

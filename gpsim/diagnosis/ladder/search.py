@@ -537,7 +537,8 @@ class Search:
         while True:
             laws, terms = self.account.laws, self.account.hypothesis.terms
             slight = [
-                law.owned and law.usual and _slight(law, term) for law, term in zip(laws, terms, strict=True)
+                law.owned and law.usual and not law.free and _slight(law, term)
+                for law, term in zip(laws, terms, strict=True)
             ]
             prices = [
                 max(price(replace(law, of_row=False), self.shooting.noise.effective, self.numbers.law), least)
