@@ -35,6 +35,8 @@ STANDS = 0.1  # of the states, in which what stands or walks touches at least
 MARKERS = 0.01  # m, that a motion capture's or an odometry's place of a whole robot is off the ground's
 SINKS = 0.02  # m, that what lands goes into a soft ground
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
+LIFTING = ("z", "qx", "qy")  # what of a pose lifts feet, all of them or one side's
+UPRIGHT = 0.9  # cosine of a slide to gravity, beyond which it lifts what stands
 AFLOAT = 3  # joints without a motor between the world and a body that floats, in a plane
 TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
 
@@ -340,6 +342,19 @@ class MjcfSimulator(Simulator):
     def stands(self, state: FloatArray) -> bool:
         """Whether something touches in a good part of these states (N, S)."""
         return bool(self.touching(state[evenly(len(state), LOOKED_AT)]).mean() > STANDS)
+
+    @property
+    def heights(self) -> tuple[int, ...]:
+        """Columns of a state that lift what may stand on something."""
+        model = self._body.model
+        up = np.asarray(model.opt.gravity) / (np.linalg.norm(model.opt.gravity) or 1.0)
+        slides = [
+            c.name
+            for c, joint in zip(self._body.names.coordinates, self._body.names.joints, strict=True)
+            if c.name in self.floating and abs(model.jnt_axis[joint] @ up) > UPRIGHT
+        ]
+        free = [f"{joint}.{part}" for joint in self._body.names.free for part in LIFTING]
+        return tuple(self.state.index(name) for name in [*free, *slides]) if self._contacts else ()
 
     @property
     def floating(self) -> frozenset[str]:

@@ -211,6 +211,11 @@ class Simulator(ABC):
         return False
 
     @property
+    def heights(self) -> tuple[int, ...]:
+        """Columns of a state that lift what may stand on something."""
+        return ()
+
+    @property
     def floating(self) -> frozenset[str]:
         """Coordinates that say where a body is that nothing holds: no joint is there that could rub."""
         return frozenset()

@@ -10,6 +10,7 @@ count less (Huber 1964). All costs are nats.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -25,6 +26,7 @@ PATIENCE = 3  # rounds without a gain, each more cautious, after which start sta
 ATTEMPTS = 4  # steps of one round, each more cautious, before parameters stand still
 TOLERANCE = 0.1  # a round that gains less ends a fit [nats]
 OUTLYING = 4.0  # standard deviations beyond which a sample counts as one there, in absolute terms
+LIFTS = (-2.0, -1.0, 1.0, 2.0)  # standard deviations by which the height of what stands is moved
 CORE = 6.0  # robust standard deviations to which residuals are clipped where the noise is told
 
 
@@ -236,6 +238,7 @@ class Shooting:
                     break
             if released:
                 point, per_window = self.starts_alone(point, slopes, per_window)
+                point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > patience:
                 break
@@ -279,6 +282,22 @@ class Shooting:
             costs=np.minimum(costs, point.costs),
         )
         return moved, np.where(better, np.maximum(damping / 5, 1e-9), np.minimum(damping * 10, 1e4))
+
+    def _lifted(self, point: Fit) -> Fit:
+        """What stands begins a little higher or lower where that is better: no slope tells where a foot will touch."""
+        columns = self.problem.simulator.heights
+        for column, times in product(columns, LIFTS):
+            starts = point.starts.copy()
+            starts[:, column] += times * self.noise.white[column]
+            residual, costs = self._left(point.hypothesis, starts)
+            better = costs < point.costs
+            point = replace(
+                point,
+                starts=np.where(better[:, None], starts, point.starts),
+                residuals=np.where(better[:, None, None], residual, point.residuals),
+                costs=np.minimum(costs, point.costs),
+            )
+        return point
 
     # Noise
 

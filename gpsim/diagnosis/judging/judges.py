@@ -317,6 +317,9 @@ def window_judge(
     counts = problem.counted.sum(axis=1) * share
     before = (null.residuals**2).sum(axis=1)
     floor = counts * np.maximum(noise, problem.floor) ** 2
+    # No noise is louder than what the account leaves.
+    left = (leader.residuals**2).sum(axis=1)
+    floor = np.where(left.sum(axis=0) < floor.sum(axis=0), left, floor)
     drawn = draws(len(before), question.run.settings.rollouts.draws, rng)
     mismatch = Mismatch(before, floor, problem.scale**2, problem.observed, 0.0, drawn)
     return WindowJudge(problem, leader, mismatch, (leader.hypothesis,))

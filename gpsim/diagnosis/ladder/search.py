@@ -95,9 +95,17 @@ class Search:
         known: what inverse dynamics say, with which alone a robot's laws begin, and which fits weigh as they weigh a
         prior: forces tell of friction what short rollouts hardly feel.
         """
+        floats = self.dear and not known
+        if floats:
+            told = sensor_noise(self.shooting.problem, self.account.fit.residuals)
+            self.shooting.noise = Noise(
+                np.maximum(told, 1e-300), np.ones(len(told)), self.shooting.base_weights
+            )
+            self.account = Account((), self.shooting.counted(self.account.fit))
         self.refit(3)
         self.base = self.account.fit
-        self.tell_noise()
+        if not floats:  # else all of its misfit would pass for correlated noise, under which no fit goes on
+            self.tell_noise()
         if known:
             self.laws = [law.believed(known.values, known.deviations) for law in self.laws]
         usual = [law for law in self.laws if law.usual]
@@ -119,7 +127,8 @@ class Search:
             nothing = [p.starts[0] if p.place else p.none for p in law.candidate.declared]
             self.account = self._with(law, nothing)
         jumps = [law for law in usual if not law.has_slope]
-        if self.dear and not known:
+        if floats:
+            self.refit(SETTLE)
             self._all_alike(jumps)
         for _ in range(0 if known else len(jumps) + 1):
             self.refit(FIRST_LOOK)
