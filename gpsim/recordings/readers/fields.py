@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -61,9 +62,23 @@ class Named:
     names: str
     name: str
 
+    def beside(self) -> Callable[[Any], Any]:
+        """From a message to the number; where the name is in the list is remembered while the list says the same."""
+        array, names = attrgetter(self.array), attrgetter(self.names)
+        place = 0
+
+        def get(message: Any) -> Any:
+            nonlocal place
+            held = names(message)
+            if place >= len(held) or held[place] != self.name:
+                place = held.index(self.name)
+            return array(message)[place]
+
+        return get
+
 
 @dataclass(frozen=True)
-class Path:
+class FieldPath:
     """A parsed path: `steps` are attribute names, indices and names, from the message or from the selected element."""
 
     text: str
@@ -71,7 +86,7 @@ class Path:
     steps: tuple[str | int | Named, ...]
 
 
-def parse_path(text: str, types: Types, root: str) -> Path:
+def parse_path(text: str, types: Types, root: str) -> FieldPath:
     """Check a dotted path against a message type; PathError where it does not end at a number."""
     steps: list[str | int | Named] = []
     selection: Selection | None = None
@@ -97,7 +112,7 @@ def parse_path(text: str, types: Types, root: str) -> Path:
             steps = []
     if here[0] != Nodetype.BASE or here[1][0] not in _NUMBERS:
         raise PathError(f"{text}: not a number; it leads to {_name(here)}")
-    return Path(text, selection, tuple(steps))
+    return FieldPath(text, selection, tuple(steps))
 
 
 def _segments(text: str) -> list[tuple[int | None, str, str | None]]:

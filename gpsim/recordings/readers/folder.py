@@ -34,6 +34,45 @@ _SHIFT = 40
 _NEWEST = 9
 
 
+def _files(names: object) -> tuple[str, ...]:
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise ValueError("a list of storage files is expected")
+    paths = [PurePosixPath(name) for name in names]
+    for path in paths:
+        if path.is_absolute() or ".." in path.parts or "\\" in path.name or "\0" in path.name:
+            raise ValueError(f"storage file {one_line(path, 80)} lies outside the bag's folder")
+    # Bags of ROS 2 before Foxy name the folder in front; the files lie in the folder all the same.
+    return tuple(dict.fromkeys(path.name for path in paths))
+
+
+@dataclass(frozen=True)
+class _Topic:
+    name: str
+
+
+@dataclass(frozen=True)
+class _Count:
+    topic_metadata: _Topic
+    message_count: int
+
+
+@dataclass(frozen=True)
+class _Information:
+    version: int
+    relative_file_paths: Annotated[tuple[str, ...], Sound(_files)]
+    topics_with_message_count: list[_Count]
+    compression_mode: str | None = None
+    compression_format: Any = None
+    ros_distro: Any = None
+
+
+@dataclass(frozen=True)
+class _File:
+    """What is read of metadata.yaml."""
+
+    rosbag2_bagfile_information: _Information
+
+
 @dataclass(frozen=True)
 class Metadata:
     """What is needed of metadata.yaml. counts: messages by topic; compression: none, message or file."""
@@ -206,42 +245,3 @@ def _read_metadata(path: Path) -> Metadata:
         counts[entry.topic_metadata.name] += entry.message_count
     distro = info.ros_distro if isinstance(info.ros_distro, str) else None
     return Metadata(info.relative_file_paths, dict(counts), compression, distro)
-
-
-def _files(names: object) -> tuple[str, ...]:
-    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
-        raise ValueError("a list of storage files is expected")
-    paths = [PurePosixPath(name) for name in names]
-    for path in paths:
-        if path.is_absolute() or ".." in path.parts or "\\" in path.name or "\0" in path.name:
-            raise ValueError(f"storage file {one_line(path, 80)} lies outside the bag's folder")
-    # Bags of ROS 2 before Foxy name the folder in front; the files lie in the folder all the same.
-    return tuple(dict.fromkeys(path.name for path in paths))
-
-
-@dataclass(frozen=True)
-class _Topic:
-    name: str
-
-
-@dataclass(frozen=True)
-class _Count:
-    topic_metadata: _Topic
-    message_count: int
-
-
-@dataclass(frozen=True)
-class _Information:
-    version: int
-    relative_file_paths: Annotated[tuple[str, ...], Sound(_files)]
-    topics_with_message_count: list[_Count]
-    compression_mode: str | None = None
-    compression_format: Any = None
-    ros_distro: Any = None
-
-
-@dataclass(frozen=True)
-class _File:
-    """What is read of metadata.yaml."""
-
-    rosbag2_bagfile_information: _Information

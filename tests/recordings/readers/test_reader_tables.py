@@ -14,7 +14,7 @@ from mutations import MUTATIONS, Outcomes, watch
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import open_log
-from gpsim.recordings.readers.table_log import read_layout
+from gpsim.recordings.readers.tables import read_layout
 
 
 def table(path: Path, text: str) -> Path:
