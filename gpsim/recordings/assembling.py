@@ -216,12 +216,12 @@ def _filtered(
     rows = np.flatnonzero(where.inside(track.t, [piece]))
     t, values = track.t[rows], samples(source, track, rows)
     even = signals.even_grid(t)
-    on_even = clock.linear(even, t, values)
+    on_even = np.interp(even, t, values)
     step = float(even[1] - even[0])
     made = (
         signals.derivative(on_even, step, smoothing) if derivative else signals.smoothed(on_even, smoothing)
     )
-    return clock.linear(at, even, made)
+    return np.interp(at, even, made)
 
 
 def _command(source: ChannelSource, track: Track, at: FloatArray, mapping: ImportMapping) -> FloatArray:

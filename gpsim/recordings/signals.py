@@ -174,7 +174,7 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.name: clock.linear(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
+                s.name: np.interp(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
             }
             responses = _responses(signals, self.step)
             for source in mapping.action:

@@ -1,13 +1,18 @@
 """Silent damage: rows that were read without complaint and cannot be true are refused, or left out and counted.
 
-Angles that wrap and are not said to: a step of a whole turn from one row to the next.
+Flipped bytes that still decode are looked for by what cannot be true; the limits are wide, so that sound recordings
+have no findings, and small flips in a mantissa stay unseen. Angles that wrap and are not said to: a step of a whole
+turn from one row to the next.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
@@ -17,9 +22,138 @@ from gpsim.recordings.assembling import Assembled
 from gpsim.recordings.clock import TOLERANCE
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
-from gpsim.recordings.readers.checks import Limits, find_silent_damage
-from gpsim.recordings.sources import Part
-from gpsim.recordings.tracks import samples, stamps
+from gpsim.recordings.tracks import Part, samples, stamps
+
+Kind = Literal[
+    "not finite", "no rotation", "absurd magnitude", "jump", "stamp leaps", "stamp far from arrival"
+]
+_POSE = ("position", "orientation", "translation", "rotation")
+_STAMP_PARTS = ("sec", "nanosec", "seq")
+AROUND = 501  # messages among which one that is late stands out
+
+
+@dataclass(frozen=True)
+class Limits:
+    """quaternion: believable | norm - 1 |. largest, smallest: believable nonzero magnitudes in any SI unit.
+
+    jump: how many times the 95th percentile of a field's usual unevenness a single sample may leave its
+    neighbours; leap [s]: how far one stamp may lie from both neighbours; delay [s]: how far a message's delay may
+    lie from the median of those around it (a clock that runs at another pace is no damage). clocks: fields that hold
+    the time, of any unit; periods: fields of angles, with what one turn is in them.
+    """
+
+    quaternion: float = 0.01
+    largest: float = 1e12
+    smallest: float = 1e-100
+    jump: float = 50.0
+    leap: float = 10.0
+    delay: float = 60.0
+    clocks: tuple[str, ...] = ()
+    periods: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Rows of a topic that cannot be true; message: one line for the person."""
+
+    kind: Kind
+    rows: IntArray
+    message: str
+
+
+Suspect = tuple[Kind, str | None, BoolArray, str]
+"""(kind, field, rows that cannot be true (N,), what is wrong with them)."""
+
+
+def find_silent_damage(series: Series, limits: Limits | None = None) -> tuple[Finding, ...]:
+    """Everything in a topic that cannot be true; rows count from 0 in file order."""
+    chosen, found = limits or Limits(), []
+    for kind, name, bad, what in (*_values(series, chosen), *_stamps(series, chosen)):
+        rows = np.flatnonzero(bad)
+        if len(rows):
+            place = f"{series.topic}, row {rows[0]}" + ("" if name is None else f", field {name}")
+            found.append(Finding(kind, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows)"))
+    return tuple(found)
+
+
+def _values(series: Series, limits: Limits) -> Iterator[Suspect]:
+    turned: dict[
+        str, FloatArray
+    ] = {}  # the parts of quaternions with one sign throughout: q and -q are one rotation
+    for parts in _quaternion_parts(series):
+        values = np.stack([series.fields[part] for part in parts])
+        with np.errstate(over="ignore", invalid="ignore"):
+            agree = np.sum(values[:, 1:] * values[:, :-1], axis=0)
+        sign = np.cumprod(np.concatenate([[1.0], np.where(agree < 0, -1.0, 1.0)]))
+        turned |= dict(zip(parts, sign * values, strict=True))
+    for name, values in series.fields.items():
+        missing = np.isnan(values) & (series.absent.get(name, 0) > 0)
+        yield "not finite", name, ~np.isfinite(values) & ~missing, "the value is no finite number"
+        size = np.abs(np.where(np.isfinite(values), values, 0.0))
+        if name not in limits.clocks:
+            strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
+            yield "absurd magnitude", name, strange, "no sensor or command has this magnitude"
+        if any(part in _POSE for part in name.split(".")) and name.split(".")[-1] not in _STAMP_PARTS:
+            steady = turned.get(name, values)
+            if name in limits.periods:
+                steady = np.unwrap(steady, period=limits.periods[name])
+            yield "jump", name, _jumps(steady, limits.jump), "leaves its neighbours and comes back"
+    for parts in _quaternion_parts(series):
+        values = np.stack([series.fields[part] for part in parts])
+        with np.errstate(over="ignore", invalid="ignore"):
+            norm = np.sqrt(np.sum(values**2, axis=0))
+        off = np.isfinite(values).all(axis=0) & ~(np.abs(norm - 1.0) <= limits.quaternion)
+        yield "no rotation", parts[-1][:-2], off, "the quaternion's norm is not 1"
+
+
+def _quaternion_parts(series: Series) -> list[list[str]]:
+    """The fields x, y, z and w of every quaternion."""
+    found = [[f"{name[:-1]}{axis}" for axis in "xyzw"] for name in series.fields if name.endswith(".w")]
+    return [parts for parts in found if all(part in series.fields for part in parts)]
+
+
+def _jumps(values: FloatArray, factor: float) -> BoolArray:
+    """Samples that stand alone: (N,) bool. Uneven is what a sample differs from the mean of its two neighbours."""
+    alone = np.zeros(len(values), dtype=np.bool_)
+    with np.errstate(over="ignore", invalid="ignore"):
+        uneven = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+        apart = np.abs(values[2:] - values[:-2])
+    known = np.isfinite(uneven)
+    if known.sum() < 20:
+        return alone
+    usual = float(np.quantile(uneven[known], 0.95))
+    if usual > 0.0:
+        # A sample beside the lone one is uneven too; the lone one is where the neighbours agree with each other.
+        alone[1:-1] = known & (uneven > factor * usual) & (apart < 0.2 * uneven)
+    return alone
+
+
+def _stamps(series: Series, limits: Limits) -> Iterator[Suspect]:
+    arrival, header = series.receive, series.header
+    yield "stamp leaps", None, _stamps_apart(arrival, limits.leap), "the receive time leaves its neighbours"
+    if header is None:
+        return
+    yield "stamp leaps", None, _stamps_apart(header, limits.leap), "the header stamp leaves its neighbours"
+    delay = arrival - header
+    known = np.isfinite(delay)
+    if known.any() and np.ptp(header[known]) > 0:  # a stamp that is never set is no clock
+        far = np.zeros(len(delay), dtype=np.bool_)
+        usual = median_filter(delay[known], AROUND, mode="nearest")
+        far[known] = np.abs(delay[known] - usual) > limits.delay
+        yield "stamp far from arrival", None, far, "the header stamp is far from its arrival"
+
+
+def _stamps_apart(stamps: FloatArray, limit: float) -> BoolArray:
+    """Stamps further than `limit` from the median of themselves and the two on either side."""
+    count = len(stamps)
+    if count < 5 or not np.isfinite(stamps).all():
+        return np.zeros(count, dtype=np.bool_)
+    around = np.clip(np.arange(count)[:, None] + np.arange(-2, 3), 0, count - 1)
+    middle = np.median(stamps[around], axis=1)
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return np.asarray(np.abs(stamps - middle) > max(limit, 20.0 * usual), dtype=np.bool_)
+
 
 TOO_FAST = "faster than checks.max_rate"
 GOES_BACK = "time goes back"
@@ -98,17 +232,12 @@ def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArr
         there = [np.isfinite(series.fields[field]) for field in source.fields]
         rows = np.flatnonzero(sound & np.logical_and.reduce([*there, np.isfinite(t)]))
         if len(rows) > 2:
-            values, wraps = _limited(source, series, rows)
-            bad[rows] |= _leaps(t[rows], values, limit, wraps)
+            raw = np.stack([series.fields[field][rows] for field in source.fields], axis=1)
+            values, wraps = raw[:, 0], source.wraps  # up to sign and offset
+            if source.quaternion is not None:  # continuous: every step the short way round
+                values, wraps = np.unwrap(clock.euler_angle(raw, source.angle)), False
+            bad[rows] |= _leaps(t[rows], source.scale * values, limit, wraps)
     return np.flatnonzero(bad)
-
-
-def _limited(source: ChannelSource, series: Series, rows: IntArray) -> tuple[FloatArray, bool]:
-    """The channel at the rows, up to sign and offset, and whether it is to be taken modulo 2 pi."""
-    raw = np.stack([series.fields[field][rows] for field in source.fields], axis=1)
-    if source.quaternion is not None:  # continuous: every step the short way round
-        return source.scale * clock.unwrapped(clock.euler_angle(raw, source.angle)), False
-    return source.scale * raw[:, 0], source.wraps
 
 
 def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
@@ -157,7 +286,9 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
     rows = np.flatnonzero(where.inside(track.t, spans))
     t, values = track.t[rows], samples(source, track, rows)
     turns = np.abs(np.abs(np.diff(values)) - TURN) <= NEAR * TURN
-    whole = np.flatnonzero(turns & _same_episode(t, spans))
+    # A row and the next must lie in one episode: what lies between episodes is a reset, no step.
+    starts = np.array([start for start, _ in spans]) - TOLERANCE
+    whole = np.flatnonzero(turns & (np.diff(np.searchsorted(starts, t, side="right")) == 0))
     if not len(whole):
         return None
     name = source.name
@@ -165,22 +296,12 @@ def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
         f"{part.name}: {name} steps by {values[whole[0] + 1] - values[whole[0]]:.3g} rad from one row to the next "
         f"({len(whole)} time(s), first at {t[whole[0]]:.6g} s), nearly a turn"
     )
-    if np.ptp(values) <= ONE_TURN and (part.mapping.filters(name) or _between(t, whole, one)):
+    at = np.concatenate([episode.t for episode in one.episodes])
+    behind = np.searchsorted(at, t[whole] + TOLERANCE, side="right")
+    before = np.searchsorted(at, t[whole + 1] - TOLERANCE, side="left")
+    between = bool((before > behind).any())  # a sample lies between the two rows of a step, and not on either
+    if np.ptp(values) <= ONE_TURN and (part.mapping.filters(name) or between):
         raise UsageError(
             f"{first}, and values in between would lie on the other side; say state.{name}.wraps=true"
         )
     return f"{first}; if it is an angle that wraps, say state.{name}.wraps=true"
-
-
-def _same_episode(t: FloatArray, spans: Sequence[where.Interval]) -> BoolArray:
-    """(N - 1,) whether a row and the next lie in one episode: what lies between episodes is a reset, no step."""
-    starts = np.array([start for start, _ in spans]) - TOLERANCE
-    return np.asarray(np.diff(np.searchsorted(starts, t, side="right")) == 0, dtype=np.bool_)
-
-
-def _between(t: FloatArray, whole: IntArray, one: Assembled) -> bool:
-    """Whether a sample of the recording lies between the two rows of one of the steps, and not on either."""
-    at = np.concatenate([episode.t for episode in one.episodes])
-    first = np.searchsorted(at, t[whole] + TOLERANCE, side="right")
-    past = np.searchsorted(at, t[whole + 1] - TOLERANCE, side="left")
-    return bool((past > first).any())

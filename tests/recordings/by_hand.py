@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from gpsim.channels import FloatArray
-from gpsim.recordings.import_report import ImportReport
-from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.importing import ImportReport, import_logs
+from gpsim.recordings.mapping import parse_mapping
 from gpsim.recordings.raw import NamedLog, Series, Topic
 from gpsim.recordings.recording import Recording
 

@@ -12,7 +12,7 @@ from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings import signals
 from gpsim.recordings.files import read_bare_table, read_recording, write_recording
-from gpsim.recordings.likeness import likely_unit
+from gpsim.recordings.guessing import likely_unit
 from gpsim.recordings.mapping import Smoothing
 from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import import_log, read_logs

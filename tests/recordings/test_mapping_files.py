@@ -7,7 +7,7 @@ import yaml
 from by_hand import UNICYCLE
 
 from gpsim.errors import UsageError
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping import parse_mapping
 from gpsim.stages.import_log import mapping_names, read_mapping
 
 

@@ -122,16 +122,6 @@ def test_the_mean_of_a_held_command_agrees_with_fine_sampling(t, step, seed):
     )
 
 
-@settings(deadline=None)
-@given(stamps, st.floats(-20, 20), st.floats(-3, 3))
-def test_a_turning_angle_is_interpolated_the_short_way_round(t, start, rate):
-    turning = start + rate * t  # at most 1.5 rad a step
-    wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
-    at = np.linspace(t[0], t[-1], 57)
-    error = clock.linear(at, t, clock.unwrapped(wrapped)) - (start + rate * at)
-    assert np.abs((error + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9
-
-
 def test_quaternions_keep_a_constant_rate_whatever_their_sign():
     axis = np.array([0.2, -0.5, 0.8]) / np.linalg.norm([0.2, -0.5, 0.8])
     t = np.linspace(0.0, 2.0, 21)

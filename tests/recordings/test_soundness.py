@@ -7,7 +7,7 @@ import pytest
 from by_hand import UNICYCLE, Drive, pose_series, series
 
 from gpsim.errors import UsageError
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping import parse_mapping
 from gpsim.recordings.soundness import find_bad_rows
 
 PLAN = parse_mapping({**UNICYCLE, "checks": {"max_rate": {"x": 3.0}}})

@@ -21,9 +21,9 @@ import pyarrow.parquet as pq
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
+from gpsim.recordings.files import PARQUET, check_parquet, check_width, is_text
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.table_files import PARQUET, check_parquet, check_width, is_text
 from gpsim.recordings.values import LONGEST_LINE, cells_of, check_columns
 
 _HEAD = 1 << 18

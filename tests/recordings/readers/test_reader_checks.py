@@ -10,7 +10,7 @@ from bags import drive, write_bag
 from gpsim.recordings.inspection import statistics
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers import open_log
-from gpsim.recordings.readers.checks import Limits, find_silent_damage
+from gpsim.recordings.soundness import Limits, find_silent_damage
 
 POSE = [f"pose.{part}" for part in ("position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw"))]
 

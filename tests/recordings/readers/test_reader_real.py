@@ -9,7 +9,7 @@ import pytest
 
 from gpsim.recordings.inspection import statistics
 from gpsim.recordings.readers import open_log
-from gpsim.recordings.readers.checks import find_silent_damage
+from gpsim.recordings.soundness import find_silent_damage
 
 
 @pytest.fixture(scope="module")
