@@ -455,15 +455,6 @@ def _of_columns(topic: Topic, alone: bool) -> list[Pose]:
     ]
 
 
-def fitting_pose(text: str, poses: Sequence[Pose]) -> Pose:
-    """The pose that was named; raises UsageError."""
-    for pose in poses:
-        if text in (pose.name, pose.topic):
-            return pose
-    there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw by themselves"
-    raise UsageError(f"pose={text}: no such pose; there are: {there}")
-
-
 def command_of(channel: str, topics: Sequence[Topic]) -> list[Source]:
     """The fields of typed command messages that are this channel, the most often told first."""
     known = [(topic, *COMMANDS[topic.type]) for topic in _often(topics) if topic.type in COMMANDS]
@@ -487,7 +478,8 @@ _NAMED = re.compile(r"(\w+)\[name=(.+)\]")
 
 def measured_joint(name: str, of: str | None, topics: Sequence[Topic]) -> list[Source]:
     """Where a joint's position is told, or its velocity (`of`: the joint), the most often told first."""
-    told = [topic for topic in _of_joints(topics) if not ASKING & set(words_of(topic.name))]
+    every, asked = _of_joints(topics)
+    told = [topic for topic in every if topic not in asked]
     return _named(told, topics, of or name, VELOCITY if of else POSITION)
 
 
@@ -496,8 +488,7 @@ def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topi
 
     Of a motor that nobody tells a command, it is the torque that was measured at its joint.
     """
-    every = _of_joints(topics)
-    asked = [topic for topic in every if ASKING & set(words_of(topic.name))]
+    every, asked = _of_joints(topics)
     kind = {"rad": POSITION, "m": POSITION, "rad/s": VELOCITY, "m/s": VELOCITY}.get(unit, EFFORT)
     for called in dict.fromkeys((name, name.removesuffix("_cmd"), joint)):
         if called is None:
@@ -508,12 +499,14 @@ def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topi
             if found := _named(asked, topics, called, part):
                 return found
     found = _named(every, topics, name, kind) if name != joint else []
-    measured = [topic for topic in every if topic not in asked] if unit in TORQUES else []
-    return found or _named(measured, topics, joint or name, EFFORT)
+    told = [topic for topic in every if topic not in asked] if unit in TORQUES else []
+    return found or _named(told, topics, joint or name, EFFORT)
 
 
-def _of_joints(topics: Sequence[Topic]) -> list[Topic]:
-    return _often([topic for topic in topics if topic.type == JOINT_STATE])
+def _of_joints(topics: Sequence[Topic]) -> tuple[list[Topic], list[Topic]]:
+    """(topics that name joints, those of them that ask something of these), the most often told first."""
+    every = _often([topic for topic in topics if topic.type == JOINT_STATE])
+    return every, [topic for topic in every if ASKING & set(words_of(topic.name))]
 
 
 def _named(told: Sequence[Topic], topics: Sequence[Topic], name: str, kind: str) -> list[Source]:
@@ -584,8 +577,12 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
     sound = [topic for topic in topics if topic.count and not topic.fault]
     made = Guess(system, {"system": system.recorded_as or system.name, "rate": "source"})
     made.raw |= {"model": system.model} if system.model is not None else {}
+    known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] * system.is_vehicle)]
+    for name, typed in given.items():
+        if name not in known:
+            there = ", ".join(known)
+            raise UsageError(f"{name}={typed}: no channel of {system.name}; there are: {there}")
     guesser = _Guesser(made, sound, given)
-    guesser.check_given()
     if system.is_vehicle and not any(name in given for name in VEHICLE):
         guesser.take_pose()
     beside = made.taken.get(POSE, "").rpartition(":")[2]
@@ -595,9 +592,23 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
         guesser.measure(channel)
     for channel in system.action:
         guesser.command(channel)
-    made.switch = guesser.switch()
+    for source in sources_of(sound):  # what may say when the motors were on: a command is obeyed only then
+        if SWITCHES & set(words_of(guesser.called(source))):
+            at = [] if source.alone else [f"episodes.topic={source.topic}"]
+            words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
+            made.switch = short(source, sound), " ".join(shlex.quote(word) for word in words)
+            break
     made.raw |= {"state": guesser.state, "action": guesser.action}
-    guesser.add_clock(clock)
+    made.raw |= clock.raw
+    made.remarks += clock.remarks
+    if clock.missing:
+        made.missing[TIME] = [source.typed for source in sources_of(sound)]
+    if clock.unclear:
+        made.unclear[TIME] = clock.unclear
+    if clock.taken and (clock.unclear or not clock.plain):
+        made.taken[clock.taken[0]] = clock.taken[1]
+    if len(sound) == 1 and "episode" in (*sound[0].fields, *sound[0].texts):
+        made.raw["episodes"] = {"by": "column", "field": "episode"}
     return made
 
 
@@ -617,35 +628,18 @@ class _Guesser:
     action: dict[str, Any] = field(default_factory=dict)
     used: set[tuple[str, str]] = field(default_factory=set)
 
-    def switch(self) -> tuple[str, str] | None:
-        """What may say when the motors were on: a command is obeyed only then."""
-        for source in sources_of(self.topics):
-            if SWITCHES & set(words_of(self._called(source))):
-                at = [] if source.alone else [f"episodes.topic={source.topic}"]
-                words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
-                return short(source, self.topics), " ".join(shlex.quote(word) for word in words)
-        return None
-
-    def check_given(self) -> None:
-        """Refuse a word for what the system does not have."""
-        system = self.made.system
-        known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] * system.is_vehicle)]
-        for name, source in self.given.items():
-            if name not in known:
-                there = ", ".join(known)
-                raise UsageError(f"{name}={source}: no channel of {system.name}; there are: {there}")
-
     def take_pose(self) -> None:
         """Take the pose's three channels, where a topic has one."""
         made, poses = self.made, poses_of(self.topics)
-        if POSE in self.given:
-            chosen = fitting_pose(self.given[POSE], poses)
-        elif not poses:
+        named = self.given.get(POSE)
+        if named is None and len(poses) > 1:
+            made.unclear[POSE] = [pose.name for pose in poses]
+        chosen = next((pose for pose in poses if named in (None, pose.name, pose.topic)), None)
+        if named is not None and chosen is None:
+            there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw by themselves"
+            raise UsageError(f"pose={named}: no such pose; there are: {there}")
+        if chosen is None:
             return
-        else:
-            chosen = poses[0]
-            if len(poses) > 1:
-                made.unclear[POSE] = [pose.name for pose in poses]
         self.used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
         made.typed &= not chosen.prefix
         made.taken[POSE] = chosen.name
@@ -692,50 +686,41 @@ class _Guesser:
         never: frozenset[str],
     ) -> bool:
         """Take what is given, else what the type of a message tells, else the name that fits best, if one does."""
-        name = channel.name
+        name, made = channel.name, self.made
         if name in self.given:
             self._take(entries, channel, read_source(name, self.given[name], self.topics))
             return True
-        if not typed:
-            return self._best(entries, channel, words, never)
-        self._take(entries, channel, typed[0])
-        self.made.fit += EXACT
-        if len(typed) > 1:
-            self.made.unclear[name] = [short(source, self.topics) for source in typed]
+        if typed:
+            self._take(entries, channel, typed[0])
+            made.fit += EXACT
+            if len(typed) > 1:
+                made.unclear[name] = [short(source, self.topics) for source in typed]
+            return True
+        fits = [(likeness(self.called(s), name, words, never), s) for s in self._free()]
+        best = max((fit for fit, _ in fits), default=0.0)
+        if best <= 0.0 or (best < SURE and channel in made.system.action):
+            return False  # another's command would do, and say something else
+        chosen = as_good = [source for fit, source in fits if fit > best - AS_GOOD]
+        if len(as_good) == 1 and best < SURE:
+            chosen = [s for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0]
+        if len(as_good) > 1 or best < SURE:
+            made.unclear[name] = [short(source, self.topics) for source in chosen]
+        made.typed = False
+        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
+        self._take(entries, channel, replace(as_good[0], scale=factor))
+        made.fit += best
         return True
+
+    def _free(self) -> list[Source]:
+        """Sources that are nobody's."""
+        return [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
 
     def _unused(self, never: frozenset[str]) -> list[str]:
         """What might be a channel's: sources that are nobody's, those that a name speaks against at the end."""
-        free = [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
-        free.sort(key=lambda source: bool(never & set(words_of(self._called(source)))))
+        free = sorted(self._free(), key=lambda source: bool(never & set(words_of(self.called(source)))))
         return [short(source, self.topics) for source in free]
 
-    def _best(
-        self, entries: dict[str, Any], channel: Channel, words: Sequence[str], never: frozenset[str]
-    ) -> bool:
-        fits = [
-            (likeness(self._called(source), channel.name, words, never), source)
-            for source in sources_of(self.topics)
-            if (source.topic, source.field) not in self.used
-        ]
-        best = max((fit for fit, _ in fits), default=0.0)
-        if best <= 0.0 or (best < SURE and channel in self.made.system.action):
-            return False  # another's command would do, and say something else
-        as_good = [source for fit, source in fits if fit > best - AS_GOOD]
-        if len(as_good) > 1:
-            self.made.unclear[channel.name] = [short(source, self.topics) for source in as_good]
-        elif best < SURE:
-            others = [
-                short(s, self.topics) for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0
-            ]
-            self.made.unclear[channel.name] = others
-        self.made.typed = False
-        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
-        self._take(entries, channel, replace(as_good[0], scale=factor))
-        self.made.fit += best
-        return True
-
-    def _called(self, source: Source) -> str:
+    def called(self, source: Source) -> str:
         """A scalar message is called as its topic; a field is as what it holds."""
         name = short(source, self.topics)
         return name if name != source.typed else source.field
@@ -745,20 +730,6 @@ class _Guesser:
         self.used.add((source.topic, source.field))
         factor = "" if source.scale == 1.0 else "-" if source.scale == -1.0 else f"{source.scale:.6g}*"
         self.made.taken[channel.name] = f"{factor}{short(source, self.topics)}"
-
-    def add_clock(self, clock: Clock) -> None:
-        """How the tables tell the time; a bag's topics have stamps."""
-        made = self.made
-        made.raw |= clock.raw
-        made.remarks += clock.remarks
-        if clock.missing:
-            made.missing[TIME] = [source.typed for source in sources_of(self.topics)]
-        if clock.unclear:
-            made.unclear[TIME] = clock.unclear
-        if clock.taken and (clock.unclear or not clock.plain):
-            made.taken[clock.taken[0]] = clock.taken[1]
-        if len(self.topics) == 1 and "episode" in (*self.topics[0].fields, *self.topics[0].texts):
-            made.raw["episodes"] = {"by": "column", "field": "episode"}
 
 
 def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, ...]:
