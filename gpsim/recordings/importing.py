@@ -83,18 +83,16 @@ class ImportReport:
 def _sum(topic: str, group: Sequence[TopicCount]) -> TopicCount:
     first = group[0]
     delays = [count.delay for count in group if count.delay is not None]
-    middle = delays[len(delays) // 2] if delays else None
-    return TopicCount(
+    return replace(
+        first,
         source=first.source if len(group) == 1 else f"{len(group)} logs",
         topic=topic,
-        type=first.type,
-        clock=first.clock,
         read=sum(c.read for c in group),
         kept=sum(c.kept for c in group),
         dropped=dict(sum((Counter(c.dropped) for c in group), Counter())),
         noticed=dict(sum((Counter(c.noticed) for c in group), Counter())),
-        delay=middle,
-        part=first.part,
+        delay=delays[len(delays) // 2] if delays else None,
+        drift=None,
     )
 
 

@@ -8,8 +8,6 @@ turn from one row to the next.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -24,64 +22,65 @@ from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 from gpsim.recordings.tracks import Part, samples, stamps
 
-Kind = Literal[
-    "not finite", "no rotation", "absurd magnitude", "jump", "stamp leaps", "stamp far from arrival"
-]
+TOO_FAST = "faster than checks.max_rate"
+GOES_BACK = "time goes back"
+LARGEST, SMALLEST = 1e12, 1e-100  # believable nonzero magnitudes in any SI unit
+DELAY = 60.0  # s that a message's delay may lie from the median of those around it (a clock of another pace is sound)
+AROUND = 501  # messages among which one that is late stands out
 _POSE = ("position", "orientation", "translation", "rotation")
 _STAMP_PARTS = ("sec", "nanosec", "seq")
-AROUND = 501  # messages among which one that is late stands out
+Suspect = tuple[str, str | None, BoolArray, str]
+"""(reason, field, rows that cannot be true (N,), what is wrong with them)."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """quaternion: believable | norm - 1 |. largest, smallest: believable nonzero magnitudes in any SI unit.
+def find_bad_rows(
+    name: str, series: Series, mapping: ImportMapping, *, salvage: bool = False
+) -> Mapping[str, IntArray]:
+    """Rows of a topic that must not be used, by reason; they count from 0 in file order.
 
-    jump: how many times the 95th percentile of a field's usual unevenness a single sample may leave its
-    neighbours; leap [s]: how far one stamp may lie from both neighbours; delay [s]: how far a message's delay may
-    lie from the median of those around it (a clock that runs at another pace is no damage). clocks: fields that hold
-    the time, of any unit; periods: fields of angles, with what one turn is in them.
+    Empty cells of a table and array elements that a message does not have are missing, not damaged, and none of
+    this module's affair. Numbers that are not finite or absurd, quaternions that are no rotations, samples that leave
+    their neighbours and come back, stamps far from their arrival, and changes faster than `checks.max_rate` are damage:
+    UsageError (log, topic, row, field, what, remedy), or with `salvage` left out and counted. A stamp that leaps is the
+    clock's affair: `clock.in_order` drops and counts it, salvage or not.
     """
+    out: dict[str, IntArray] = {}
 
-    quaternion: float = 0.01
-    largest: float = 1e12
-    smallest: float = 1e-100
-    jump: float = 50.0
-    leap: float = 10.0
-    delay: float = 60.0
-    clocks: tuple[str, ...] = ()
-    periods: Mapping[str, float] = field(default_factory=dict)
+    def note(reason: str, rows: IntArray, said: str) -> None:
+        if not salvage:
+            raise UsageError(f"{name}: {said}--salvage leaves such rows out and counts them")
+        out[reason] = np.union1d(out[reason], rows) if reason in out else rows
 
-
-@dataclass(frozen=True)
-class Finding:
-    """Rows of a topic that cannot be true; message: one line for the person."""
-
-    kind: Kind
-    rows: IntArray
-    message: str
-
-
-Suspect = tuple[Kind, str | None, BoolArray, str]
-"""(kind, field, rows that cannot be true (N,), what is wrong with them)."""
-
-
-def find_silent_damage(series: Series, limits: Limits | None = None) -> tuple[Finding, ...]:
-    """Everything in a topic that cannot be true; rows count from 0 in file order."""
-    chosen, found = limits or Limits(), []
-    for kind, name, bad, what in (*_values(series, chosen), *_stamps(series, chosen)):
+    for reason, field, bad, what in (*_values(series, mapping), *_late(series)):
         rows = np.flatnonzero(bad)
         if len(rows):
-            place = f"{series.topic}, row {rows[0]}" + ("" if name is None else f", field {name}")
-            found.append(Finding(kind, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows)"))
-    return tuple(found)
+            place = f"{series.topic}, row {rows[0]}" + ("" if field is None else f", field {field}")
+            note(reason, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows); ")
+    back = _going_back(series, mapping)
+    if len(back):
+        t, place = _clock(series, mapping), f"{series.topic}, row {int(back[0])}"
+        early = f"{t[back[0]]:.6g} s behind {np.nanmax(t[: back[0]]):.6g} s"
+        said = f"{place}: time goes back, to {early} ({len(back)} such rows); sort the table by its time, or "
+        note(GOES_BACK, back, said)
+    fast = _too_fast(series, mapping, out)
+    if len(fast):
+        share = f"{len(fast)} of {len(series.receive)} rows"
+        note(TOO_FAST, fast, f"{series.topic}, row {int(fast[0])}: changes {TOO_FAST} ({share}); ")
+    return out
 
 
-def _values(series: Series, limits: Limits) -> Iterator[Suspect]:
-    turned: dict[
-        str, FloatArray
-    ] = {}  # the parts of quaternions with one sign throughout: q and -q are one rotation
-    for parts in _quaternion_parts(series):
-        values = np.stack([series.fields[part] for part in parts])
+def _values(series: Series, mapping: ImportMapping) -> Iterator[Suspect]:
+    clocks = mapping.time.fields if mapping.time is not None else ()
+    periods = {  # what one turn is in fields of angles
+        source.field: 2.0 * np.pi / abs(source.scale)
+        for source in (*mapping.state, *mapping.action)
+        if source.wraps and source.field is not None and source.scale
+    }
+    quaternions = {
+        tuple(parts): np.stack([series.fields[p] for p in parts]) for parts in _quaternion_parts(series)
+    }
+    turned: dict[str, FloatArray] = {}  # with one sign throughout: q and -q are the same rotation
+    for parts, values in quaternions.items():
         with np.errstate(over="ignore", invalid="ignore"):
             agree = np.sum(values[:, 1:] * values[:, :-1], axis=0)
         sign = np.cumprod(np.concatenate([[1.0], np.where(agree < 0, -1.0, 1.0)]))
@@ -90,19 +89,18 @@ def _values(series: Series, limits: Limits) -> Iterator[Suspect]:
         missing = np.isnan(values) & (series.absent.get(name, 0) > 0)
         yield "not finite", name, ~np.isfinite(values) & ~missing, "the value is no finite number"
         size = np.abs(np.where(np.isfinite(values), values, 0.0))
-        if name not in limits.clocks:
-            strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
+        if name not in clocks:
+            strange = (size > LARGEST) | ((size > 0) & (size < SMALLEST))
             yield "absurd magnitude", name, strange, "no sensor or command has this magnitude"
         if any(part in _POSE for part in name.split(".")) and name.split(".")[-1] not in _STAMP_PARTS:
             steady = turned.get(name, values)
-            if name in limits.periods:
-                steady = np.unwrap(steady, period=limits.periods[name])
-            yield "jump", name, _jumps(steady, limits.jump), "leaves its neighbours and comes back"
-    for parts in _quaternion_parts(series):
-        values = np.stack([series.fields[part] for part in parts])
+            if name in periods:
+                steady = np.unwrap(steady, period=periods[name])
+            yield "jump", name, _jumps(steady, mapping.checks.outlier), "leaves its neighbours and comes back"
+    for parts, values in quaternions.items():
         with np.errstate(over="ignore", invalid="ignore"):
             norm = np.sqrt(np.sum(values**2, axis=0))
-        off = np.isfinite(values).all(axis=0) & ~(np.abs(norm - 1.0) <= limits.quaternion)
+        off = np.isfinite(values).all(axis=0) & ~(np.abs(norm - 1.0) <= mapping.checks.quaternion)
         yield "no rotation", parts[-1][:-2], off, "the quaternion's norm is not 1"
 
 
@@ -113,7 +111,10 @@ def _quaternion_parts(series: Series) -> list[list[str]]:
 
 
 def _jumps(values: FloatArray, factor: float) -> BoolArray:
-    """Samples that stand alone: (N,) bool. Uneven is what a sample differs from the mean of its two neighbours."""
+    """(N,) samples that stand alone: `factor` times the 95th percentile of the usual unevenness from their neighbours.
+
+    Uneven is what a sample differs from the mean of its two neighbours.
+    """
     alone = np.zeros(len(values), dtype=np.bool_)
     with np.errstate(over="ignore", invalid="ignore"):
         uneven = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
@@ -128,81 +129,16 @@ def _jumps(values: FloatArray, factor: float) -> BoolArray:
     return alone
 
 
-def _stamps(series: Series, limits: Limits) -> Iterator[Suspect]:
-    arrival, header = series.receive, series.header
-    yield "stamp leaps", None, _stamps_apart(arrival, limits.leap), "the receive time leaves its neighbours"
-    if header is None:
+def _late(series: Series) -> Iterator[Suspect]:
+    if series.header is None:
         return
-    yield "stamp leaps", None, _stamps_apart(header, limits.leap), "the header stamp leaves its neighbours"
-    delay = arrival - header
+    delay = series.receive - series.header
     known = np.isfinite(delay)
-    if known.any() and np.ptp(header[known]) > 0:  # a stamp that is never set is no clock
+    if known.any() and np.ptp(series.header[known]) > 0:  # a stamp that is never set is no clock
         far = np.zeros(len(delay), dtype=np.bool_)
         usual = median_filter(delay[known], AROUND, mode="nearest")
-        far[known] = np.abs(delay[known] - usual) > limits.delay
+        far[known] = np.abs(delay[known] - usual) > DELAY
         yield "stamp far from arrival", None, far, "the header stamp is far from its arrival"
-
-
-def _stamps_apart(stamps: FloatArray, limit: float) -> BoolArray:
-    """Stamps further than `limit` from the median of themselves and the two on either side."""
-    count = len(stamps)
-    if count < 5 or not np.isfinite(stamps).all():
-        return np.zeros(count, dtype=np.bool_)
-    around = np.clip(np.arange(count)[:, None] + np.arange(-2, 3), 0, count - 1)
-    middle = np.median(stamps[around], axis=1)
-    steps = np.diff(stamps)
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    return np.asarray(np.abs(stamps - middle) > max(limit, 20.0 * usual), dtype=np.bool_)
-
-
-TOO_FAST = "faster than checks.max_rate"
-GOES_BACK = "time goes back"
-# A stamp that leaps is the clock's affair: `clock.in_order` drops and counts it, salvage or not.
-_LEFT_TO_THE_CLOCK = "stamp leaps"
-
-
-def find_bad_rows(
-    name: str, series: Series, mapping: ImportMapping, *, salvage: bool = False
-) -> Mapping[str, IntArray]:
-    """Rows of a topic that must not be used, by reason.
-
-    Empty cells of a table and array elements that a message does not have are missing, not damaged, and none of
-    this module's affair. What the readers' checks find (numbers that are not finite or absurd, quaternions that
-    are no rotations, samples that leave their neighbours and come back, stamps far from their arrival) and
-    changes faster than `checks.max_rate` are damage: UsageError (log, topic, row, field, what, remedy), or with
-    `salvage` left out and counted.
-    """
-    limits = Limits(
-        quaternion=mapping.checks.quaternion,
-        jump=mapping.checks.outlier,
-        clocks=mapping.time.fields if mapping.time is not None else (),
-        periods={
-            source.field: 2.0 * np.pi / abs(source.scale)
-            for source in (*mapping.state, *mapping.action)
-            if source.wraps and source.field is not None and source.scale
-        },
-    )
-    out: dict[str, IntArray] = {}
-
-    def note(reason: str, rows: IntArray, said: str) -> None:
-        if not salvage:
-            raise UsageError(f"{name}: {said}--salvage leaves such rows out and counts them")
-        out[reason] = np.union1d(out[reason], rows) if reason in out else rows
-
-    for finding in find_silent_damage(series, limits):
-        if finding.kind != _LEFT_TO_THE_CLOCK:
-            note(finding.kind, finding.rows, f"{finding.message}; ")
-    back = _going_back(series, mapping)
-    if len(back):
-        t, place = _clock(series, mapping), f"{series.topic}, row {int(back[0])}"
-        early = f"{t[back[0]]:.6g} s behind {np.nanmax(t[: back[0]]):.6g} s"
-        said = f"{place}: time goes back, to {early} ({len(back)} such rows); sort the table by its time, or "
-        note(GOES_BACK, back, said)
-    fast = _too_fast(series, mapping, out)
-    if len(fast):
-        share = f"{len(fast)} of {len(series.receive)} rows"
-        note(TOO_FAST, fast, f"{series.topic}, row {int(fast[0])}: changes {TOO_FAST} ({share}); ")
-    return out
 
 
 def _going_back(series: Series, mapping: ImportMapping) -> IntArray:

@@ -98,7 +98,7 @@ class _Reading:
 class BagLog:
     """A bag. Times are seconds after `epoch_ns`, the whole second before its first message (nanoseconds survive)."""
 
-    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str | None) -> None:
+    def __init__(self, path: Path, container: Container, *, salvage: bool) -> None:
         self.path = path
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
@@ -108,7 +108,8 @@ class BagLog:
                 f"{path}: it has {len(self._streams)} topics, the limit is {allowed(TOPICS)}; "
                 f"{more(len(self._streams), TOPICS)}"
             )
-        self.distro = distro or (container.distro if container.distro in DISTROS else None) or DEFAULT_DISTRO
+        # Of an old sqlite3 bag without definitions: the message types of the ROS 2 that its metadata name.
+        self.distro = container.distro if container.distro in DISTROS else DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
         self._nodes = 0
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
