@@ -26,7 +26,16 @@ if TYPE_CHECKING:
         merged,
         parse_mapping,
     )
-    from gpsim.recordings.raw import FolderLog, NamedLog, Opener, RawLog, Topic, find_logs, is_bag_folder
+    from gpsim.recordings.raw import (
+        SUFFIXES,
+        FolderLog,
+        NamedLog,
+        Opener,
+        RawLog,
+        Topic,
+        find_logs,
+        is_bag_folder,
+    )
     from gpsim.recordings.readers import open_log
     from gpsim.recordings.recording import (
         PLACE,
@@ -50,8 +59,8 @@ else:
     __getattr__ = opened(__name__)
 
 __all__ = [
-    "LONGEST_STEP", "PLACE", "TOP_KEYS", "TURN", "ChannelSource", "Episode", "FolderLog", "Guess", "HeldOut",
-    "ImportMapping", "ImportReport", "Inspection", "NamedLog", "Opener", "OverGaps", "Predictions",
+    "LONGEST_STEP", "PLACE", "SUFFIXES", "TOP_KEYS", "TURN", "ChannelSource", "Episode", "FolderLog", "Guess",
+    "HeldOut", "ImportMapping", "ImportReport", "Inspection", "NamedLog", "Opener", "OverGaps", "Predictions",
     "RawLog", "Recording", "Statistics", "System", "Topic", "TopicCount", "Transitions", "Velocities",
     "apart", "bare_mapping", "changes_of_words", "check_bounded", "check_channels", "check_name", "columns_of",
     "evenly", "export", "find_bad_rows", "find_logs", "finds_all", "gaps", "guess", "import_logs", "inspect_log",

@@ -92,6 +92,7 @@ class NamedLog:
 
 
 SUFFIXES = (".bag", ".db3", ".mcap", ".csv", ".parquet", ".mat")
+"""Endings of the files that are logs wherever they lie; who names another file says what it is."""
 MOST = 10_000  # files below one folder; more is a mistaken path
 Opener = Callable[[Path], RawLog]
 

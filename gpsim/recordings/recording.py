@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -90,14 +90,7 @@ class Transitions:
 
     def take(self, rows: IntArray | BoolArray) -> Transitions:
         """The transitions at `rows` (indices or a mask)."""
-        return Transitions(
-            self.states[rows],
-            self.actions[rows],
-            self.next_states[rows],
-            self.dt[rows],
-            self.t[rows],
-            self.episode[rows],
-        )
+        return Transitions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 @dataclass(frozen=True)
