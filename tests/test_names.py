@@ -31,7 +31,7 @@ from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.recordings.episodes import OverGaps
 from gpsim.recordings.export import wide_table, write_mcap
 from gpsim.recordings.files import read_bare_table, write_recording
-from gpsim.recordings.import_report import EpisodeCount, ImportReport
+from gpsim.recordings.importing import EpisodeCount, ImportReport
 from gpsim.recordings.readers import open_log
 from gpsim.reports.diagnosis_text import _part
 from gpsim.reports.import_text import as_text

@@ -6,21 +6,40 @@ from gpsim.doors import opened
 
 if TYPE_CHECKING:
     from gpsim.recordings.assembling import TopicCount
-    from gpsim.recordings.binding import finds_all
     from gpsim.recordings.episodes import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
     from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
-    from gpsim.recordings.files import read_bare_table, read_recording, recording_of, write_recording
-    from gpsim.recordings.guessing import Guess, System, guess
-    from gpsim.recordings.import_report import ImportReport
-    from gpsim.recordings.importing import import_logs
-    from gpsim.recordings.inspection import Inspection, Statistics, bare_mapping, inspect_log
-    from gpsim.recordings.likeness import listed
-    from gpsim.recordings.mapping import ChannelSource, ImportMapping
-    from gpsim.recordings.mapping_files import TOP_KEYS, changes_of_words, merged, parse_mapping
-    from gpsim.recordings.poses import PLACE, TURN, pose_channels
-    from gpsim.recordings.raw import FolderLog, NamedLog, Opener, RawLog, Topic, find_logs, is_bag_folder
+    from gpsim.recordings.files import (
+        columns_of,
+        read_bare_table,
+        read_recording,
+        recording_of,
+        write_recording,
+    )
+    from gpsim.recordings.guessing import Guess, System, bare_mapping, guess, listed
+    from gpsim.recordings.importing import ImportReport, import_logs
+    from gpsim.recordings.inspection import Inspection, Statistics, inspect_log
+    from gpsim.recordings.mapping import (
+        TOP_KEYS,
+        ChannelSource,
+        ImportMapping,
+        changes_of_words,
+        merged,
+        parse_mapping,
+    )
+    from gpsim.recordings.raw import (
+        SUFFIXES,
+        FolderLog,
+        NamedLog,
+        Opener,
+        RawLog,
+        Topic,
+        find_logs,
+        is_bag_folder,
+    )
     from gpsim.recordings.readers import open_log
     from gpsim.recordings.recording import (
+        PLACE,
+        TURN,
         Episode,
         HeldOut,
         Recording,
@@ -29,18 +48,19 @@ if TYPE_CHECKING:
         apart,
         evenly,
         joined,
+        pose_channels,
         without_poses,
     )
     from gpsim.recordings.soundness import find_bad_rows
-    from gpsim.recordings.table_files import columns_of
+    from gpsim.recordings.tracks import finds_all
     from gpsim.recordings.values import check_channels, check_name, one_line
     from gpsim.recordings.yaml_data import check_bounded, parse_yaml, read_yaml
 else:
     __getattr__ = opened(__name__)
 
 __all__ = [
-    "LONGEST_STEP", "PLACE", "TOP_KEYS", "TURN", "ChannelSource", "Episode", "FolderLog", "Guess", "HeldOut",
-    "ImportMapping", "ImportReport", "Inspection", "NamedLog", "Opener", "OverGaps", "Predictions",
+    "LONGEST_STEP", "PLACE", "SUFFIXES", "TOP_KEYS", "TURN", "ChannelSource", "Episode", "FolderLog", "Guess",
+    "HeldOut", "ImportMapping", "ImportReport", "Inspection", "NamedLog", "Opener", "OverGaps", "Predictions",
     "RawLog", "Recording", "Statistics", "System", "Topic", "TopicCount", "Transitions", "Velocities",
     "apart", "bare_mapping", "changes_of_words", "check_bounded", "check_channels", "check_name", "columns_of",
     "evenly", "export", "find_bad_rows", "find_logs", "finds_all", "gaps", "guess", "import_logs", "inspect_log",

@@ -114,16 +114,6 @@ def _count(table: dict[str, int], reason: str, number: int) -> None:
 TOLERANCE = 1e-6
 
 
-def linear(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Values (M,) at times `at` inside [t[0], t[-1]] from values (N,) at t (N,) s."""
-    return np.asarray(np.interp(at, t, values), dtype=np.float64)
-
-
-def unwrapped(angles: FloatArray) -> FloatArray:
-    """Angles [rad] made continuous: each step the short way round."""
-    return np.asarray(np.unwrap(angles), dtype=np.float64)
-
-
 def slerp(at: FloatArray, t: FloatArray, quaternions: FloatArray) -> FloatArray:
     """Quaternions (M, 4) x y z w at times `at`: constant rate on the shortest arc (Shoemake 1985).
 

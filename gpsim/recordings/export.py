@@ -13,11 +13,10 @@ import pandas as pd
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
-from gpsim.channels import Channels, FloatArray, columns_beside
+from gpsim.channels import FloatArray, columns_beside
 from gpsim.recordings.files import to_frame
-from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.recording import Recording
 
 COMMAND, POSE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/PoseStamped"
 EPOCH = 1_750_000_000.0
@@ -55,44 +54,30 @@ def write_ros2_bag(path: Path, log: DriveLog, topics: Topics) -> None:
 
 
 def _write(writer: Any, log: DriveLog, topics: Topics, ros: int) -> None:
+    """In order of time; at the same moment the pose comes first, because the command answers it."""
     types = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
     serialize = types.serialize_ros1 if ros == 1 else types.serialize_cdr
-    connections = {
-        name: writer.add_connection(name, kind, typestore=types)
+    command, pose = (
+        writer.add_connection(name, kind, typestore=types)
         for name, kind in ((topics.command, COMMAND), (topics.pose, POSE))
-    }
-    for stamp, topic, kind, message in _messages(log, topics, types, ros):
-        writer.write(connections[topic], stamp, serialize(message, kind))
-
-
-def _messages(
-    log: DriveLog, topics: Topics, types: Typestore, ros: int
-) -> Iterator[tuple[int, str, str, Any]]:
-    """In order of time; at the same moment the pose comes first, because the command answers it."""
+    )
+    vector = types.types["geometry_msgs/msg/Vector3"]
     stamps = np.concatenate([_nanoseconds(log.pose_t), _nanoseconds(log.command_t)])
     poses = len(log.pose_t)
     for row in np.argsort(stamps, kind="stable").tolist():
         stamp = int(stamps[row])
         if row < poses:
             number = (row,) if ros == 1 else ()
-            yield (
-                stamp,
-                topics.pose,
-                POSE,
-                _pose(types.types, stamp, log.poses[row].tolist(), "world", *number),
-            )
+            message = _pose(types.types, stamp, log.poses[row].tolist(), "world", *number)
+            writer.write(pose, stamp, serialize(message, POSE))
         else:
-            yield stamp, topics.command, COMMAND, _twist(types.types, log.commands[row - poses])
+            v, w = log.commands[row - poses].tolist()
+            message = types.types[COMMAND](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
+            writer.write(command, stamp, serialize(message, COMMAND))
 
 
 def _nanoseconds(t: FloatArray) -> np.ndarray:
     return np.int64(EPOCH) * 10**9 + np.round(t * 1e9).astype(np.int64)
-
-
-def _twist(types: Any, command: FloatArray) -> object:
-    vector = types["geometry_msgs/msg/Vector3"]
-    v, w = command.tolist()
-    return types[COMMAND](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
 
 
 def _pose(types: Any, stamp: int, pose: Sequence[float], frame: str, *number: int) -> object:
@@ -177,24 +162,17 @@ def _samples(recording: Recording, predictions: Predictions) -> Iterator[_Sample
     for i, (episode, start) in enumerate(zip(recording.episodes, start_times(recording), strict=True)):
         stamps = np.round((episode.t + start) * 1e9).astype(np.int64)
         shown = {"measured": episode.states} | {label: states[i] for label, states in predictions.items()}
+        actions = [*episode.actions.tolist(), []]  # none behind the last sample
         for k, stamp in enumerate(stamps.tolist()):
             for label, states in shown.items():
-                yield from _state(stamp, label, states[k], recording.state)
-            yield from _commands(stamp, episode, k, recording.action)
-
-
-def _state(stamp: int, label: str, row: FloatArray, channels: Channels) -> Iterator[_Sample]:
-    if not np.isfinite(row).all():
-        return
-    values = dict(zip(channels.names, row.tolist(), strict=True))
-    for name, value in values.items():
-        yield stamp, f"/{label}/{name}", "std_msgs/msg/Float64", (value,)
-    if {"x", "y", "yaw"} <= set(values) and "pose" not in values:  # a topic holds messages of one type
-        pose = (values["x"], values["y"], values["yaw"])
-        yield stamp, f"/{label}/pose", POSE, pose
-
-
-def _commands(stamp: int, episode: Episode, k: int, channels: Channels) -> Iterator[_Sample]:
-    if k < len(episode.actions):
-        for name, value in zip(channels.names, episode.actions[k].tolist(), strict=True):
-            yield stamp, f"/command/{name}", "std_msgs/msg/Float64", (value,)
+                if not np.isfinite(states[k]).all():
+                    continue
+                values = dict(zip(recording.state.names, states[k].tolist(), strict=True))
+                for name, value in values.items():
+                    yield stamp, f"/{label}/{name}", "std_msgs/msg/Float64", (value,)
+                if {"x", "y", "yaw"} <= {
+                    *values
+                } and "pose" not in values:  # a topic has messages of one type
+                    yield stamp, f"/{label}/pose", POSE, (values["x"], values["y"], values["yaw"])
+            for name, value in zip(recording.action.names, actions[k], strict=False):
+                yield stamp, f"/command/{name}", "std_msgs/msg/Float64", (value,)

@@ -1,24 +1,50 @@
-"""Recordings on disk: recording.csv or recording.parquet beside recording.yaml (the format is a contract)."""
+"""Recordings on disk: recording.csv or recording.parquet beside recording.yaml (the format is a contract).
+
+Of a Parquet file it is asked first how much its columns make: one that always says the same takes no bytes on the disk
+and eight a row in memory.
+"""
 
 from __future__ import annotations
 
-import difflib
+import csv
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings.likeness import UNITS, dated, likely_unit
-from gpsim.recordings.poses import numeric_poses
-from gpsim.recordings.recording import Clock, HeldOut, Recording, Velocities
-from gpsim.recordings.table_files import columns_of, episodes_of, read_exactly, read_frame
-from gpsim.recordings.values import Columns, Number, Numbers, Sound, Text, check_channels, checked, one_line
+from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
+from gpsim.recordings.guessing import UNITS, alike, dated, likely_unit
+from gpsim.recordings.recording import (
+    UNSEEN,
+    Clock,
+    Episode,
+    HeldOut,
+    Recording,
+    Velocities,
+    pose_channels,
+)
+from gpsim.recordings.values import (
+    LARGEST,
+    LONGEST_LINE,
+    Columns,
+    Number,
+    Numbers,
+    Sound,
+    Text,
+    check_channels,
+    check_columns,
+    check_name,
+    checked,
+    numbers_of,
+    one_line,
+)
 from gpsim.recordings.yaml_data import read_yaml
 
 if TYPE_CHECKING:
@@ -26,8 +52,10 @@ if TYPE_CHECKING:
 
 TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
-ALIKE = 0.75  # of 1: names so much alike are a slip of the pen
 MOVING = ("m", "rad", "deg", "m/s", "rad/s", "deg/s")  # units of what is looked at many times a second
+PARQUET: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
+"""What of a file's own description is believed."""
+NUMBER = 8  # bytes
 
 
 def write_recording(recording: Recording, folder: Path, table: TableFormat = "parquet") -> None:
@@ -80,28 +108,18 @@ def _metadata(recording: Recording) -> dict[str, Any]:
     return meta
 
 
-def _units(raw: object) -> dict[str, str]:
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"expected channels with units, as {{x: m, x_dot: m/s}}, got {raw!r}")
-    return {str(name): str(unit) for name, unit in raw.items()}
+def _of_kind(kind: type, expected: str, shown: int = 0) -> Sound:
+    """What YAML made as a value of this type; ValueError says what was expected."""
+
+    def by(raw: object) -> Any:
+        if not isinstance(raw, kind) or raw == "":
+            raise ValueError(f"expected {expected}, got {one_line(repr(raw), shown) if shown else repr(raw)}")
+        return raw
+
+    return Sound(by)
 
 
-def _list(raw: object) -> list[Any]:
-    if not isinstance(raw, list):
-        raise ValueError(f"expected a list of channels, got {raw!r}")
-    return raw
-
-
-def _table(raw: object) -> Mapping[str, Any]:
-    if not isinstance(raw, Mapping):
-        raise ValueError(f"expected keys and values, got {one_line(repr(raw), 60)}")
-    return raw
-
-
-def _model(raw: object) -> str:
-    if not (isinstance(raw, str) and raw):
-        raise ValueError(f"expected the file of a MuJoCo model, as robot.xml, got {raw!r}")
-    return raw
+_UNITS = _of_kind(dict, "channels with units, as {x: m, x_dot: m/s}")
 
 
 @dataclass(frozen=True)
@@ -110,17 +128,19 @@ class _Metadata:
 
     system: Text
     dt: Number
-    state: Annotated[dict[str, str], Sound(_units)]
-    action: Annotated[dict[str, str], Sound(_units)] = field(default_factory=dict)
+    state: Annotated[dict[str, str], _UNITS]
+    action: Annotated[dict[str, str], _UNITS] = field(default_factory=dict)
     parameters: Numbers = field(default_factory=dict)
     integrator: Text = "euler"
     velocities: Velocities | None = None
     clock: Clock = "episode"
     noise: Numbers = field(default_factory=dict)
     held_out: HeldOut | None = None
-    wraps: Annotated[Sequence[str], Sound(_list)] = ()
-    provenance: Annotated[Mapping[str, Any], Sound(_table)] = field(default_factory=dict)
-    model: Annotated[str, Sound(_model)] | None = None
+    wraps: Annotated[Sequence[str], _of_kind(list, "a list of channels")] = ()
+    provenance: Annotated[Mapping[str, Any], _of_kind(dict, "keys and values", 60)] = field(
+        default_factory=dict
+    )
+    model: Annotated[str, _of_kind(str, "the file of a MuJoCo model, as robot.xml")] | None = None
 
     def __post_init__(self) -> None:
         for what, names, known in (
@@ -139,31 +159,22 @@ def read_recording(path: Path) -> Recording:
     """Read a recording folder; every fault ends in a UsageError that says what, where and what to do."""
     folder = path if path.is_dir() else path.parent
     meta = _read_metadata(folder / META_NAME)
-    columns, table = _read_table(folder)
-    state, action = Channels.of(meta.state, wraps=meta.wraps), Channels.of(meta.action)
+    parquet, text = folder / "recording.parquet", folder / "recording.csv"
+    table = parquet if parquet.is_file() else text
+    if not table.is_file():
+        raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
+    columns = columns_of(read_frame(table, "round_trip"))
+    if not any(map(len, columns.values())):
+        raise UsageError(f"{table}: no rows")
+    units = [{name: str(unit) for name, unit in one.items()} for one in (meta.state, meta.action)]
+    state, action = Channels.of(units[0], wraps=meta.wraps), Channels.of(units[1])
     missing = [name for name in ("episode", "t", *state.names, *action.names) if name not in columns]
     if missing:
         raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
-    same = (
-        "system",
-        "dt",
-        "parameters",
-        "integrator",
-        "velocities",
-        "clock",
-        "noise",
-        "held_out",
-        "provenance",
-    )
-    poses = numeric_poses(columns, (*state.names, *action.names))
-    return Recording(
-        state=state,
-        action=action,
-        poses=poses,
-        episodes=episodes_of(columns, str(table), state, action, poses),
-        model=meta.model,
-        **{name: getattr(meta, name) for name in same},
-    )
+    poses = _numeric_poses(columns, (*state.names, *action.names))
+    same = {key: value for key, value in vars(meta).items() if key not in ("state", "action", "wraps")}
+    episodes = _episodes_of(columns, str(table), state, action, poses)
+    return Recording(state=state, action=action, poses=poses, episodes=episodes, **same)
 
 
 def _read_metadata(path: Path) -> _Metadata:
@@ -177,29 +188,15 @@ def _read_metadata(path: Path) -> _Metadata:
     lacking = [key for key in ("system", "dt", "state") if raw.get(key) is None]
     if lacking:
         raise UsageError(f"{path}: {', '.join(lacking)} missing")
-    raw["held_out"] = _held_out(raw.get("held_out") or {}, f"{path}: held_out")
+    held = raw.get("held_out") or {}
+    rule = checked(HeldOut, held, f"{path}: held_out")
+    if isinstance(held, Mapping) and len(held) > 1:
+        raise UsageError(f"{path}: held_out: episodes_from, time_from or share, not two of them")
+    raw["held_out"] = rule if held else None
     meta = checked(_Metadata, raw, str(path), top=True)
     check_channels(meta.state, f"{path}: state")
     check_channels(meta.action, f"{path}: action")
     return meta
-
-
-def _held_out(raw: object, where: str) -> HeldOut | None:
-    rule = checked(HeldOut, raw, where)
-    if isinstance(raw, Mapping) and len(raw) > 1:
-        raise UsageError(f"{where}: episodes_from, time_from or share, not two of them")
-    return rule if raw else None
-
-
-def _read_table(folder: Path) -> tuple[Columns, Path]:
-    parquet, csv = folder / "recording.parquet", folder / "recording.csv"
-    table = parquet if parquet.is_file() else csv
-    if not table.is_file():
-        raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
-    columns = read_exactly(table)
-    if not any(map(len, columns.values())):
-        raise UsageError(f"{table}: no rows")
-    return columns, table
 
 
 def read_bare_table(
@@ -245,15 +242,29 @@ def recording_of(
     """
     held = Channels(tuple(c for c in state if c.name in table or c.name not in optional))
     held = held if len(held) else state
-    stood = _stood_for(table, stand_ins)
+    stood = {
+        next(name for name in others if name in table): channel
+        for channel, others in stand_ins.items()
+        if channel not in table and not {*others}.isdisjoint(table)
+    }
     table = {stood.get(name, name): values for name, values in table.items()}
-    poses = numeric_poses(table, (*state.names, *action.names))
-    _check_spelling(path, table, (*state.names, *action.names))
+    names = (*state.names, *action.names)
+    poses = _numeric_poses(table, names)
+    others = [column for column in table if column not in ("t", "episode", *names)]
+    for name in names:  # a column that is nearly called as a channel that is absent would be passed over
+        if name not in table and (near := alike(name, others)):
+            raise UsageError(
+                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
+            )
     action = action if set(action.names) & set(table) else Channels(())
     needed = ("t", *held.names, *action.names)
-    _check_columns(path, table, needed, system)
+    if missing := [name for name in needed if name not in table]:
+        wants = f"{system} needs {', '.join(needed)}"
+        raise UsageError(f"{path}: column(s) {', '.join(missing)} missing; {wants}")
+    if dates := [name for name in needed if table[name].dtype.kind in "mM"]:
+        raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")
     table = {"episode": np.full(len(table["t"]), "0")} | table
-    episodes = episodes_of(table, str(path), held, action, poses)
+    episodes = _episodes_of(table, str(path), held, action, poses)
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
@@ -262,15 +273,6 @@ def recording_of(
         _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
     step = usual if dt is None else dt
     return Recording(system, held, action, episodes, step, parameters, integrator, poses=poses)
-
-
-def _stood_for(table: Columns, stand_ins: Mapping[str, tuple[str, ...]]) -> dict[str, str]:
-    """Columns that stand in for a channel which has none of its own -> that channel."""
-    return {
-        next(name for name in others if name in table): channel
-        for channel, others in stand_ins.items()
-        if channel not in table and not {*others}.isdisjoint(table)
-    }
 
 
 def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Channels) -> None:
@@ -289,30 +291,175 @@ def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Chann
     )
 
 
-def _check_spelling(path: Path | str, table: Columns, names: Sequence[str]) -> None:
-    """A column that is nearly called as a channel that is absent would be passed over without a word."""
-    others = [column for column in table if column not in ("t", "episode", *names)]
-    for name in names:
-        near = alike(name, others)
-        if name not in table and near:
-            raise UsageError(
-                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
-            )
-
-
-def alike(name: str, columns: Sequence[str]) -> str | None:
-    """The column that is nearly called so, a slip of the pen; None where none is."""
-    lower = {column.lower(): column for column in columns}
-    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=ALIKE)
-    return lower[near[0]] if near else None
-
-
-def _check_columns(path: Path | str, table: Columns, needed: Sequence[str], system: str) -> None:
-    missing = [name for name in needed if name not in table]
-    if missing:
+def check_parquet(path: Path, metadata: Any) -> None:
+    """Refuse a file whose values take more memory than one of its size should; raises UsageError."""
+    columns, groups = metadata.num_columns, range(metadata.num_row_groups)
+    check_width(path, columns)
+    values = written = 0
+    for group in map(metadata.row_group, groups):
+        values += sum(group.column(i).num_values for i in range(columns))
+        written += group.total_byte_size
+    made = max(NUMBER * max(values, metadata.num_rows * columns), written)
+    limit = TABLE_BYTES + TABLE_GROWTH * path.stat().st_size
+    if made > allowed(limit):
         raise UsageError(
-            f"{path}: column(s) {', '.join(missing)} missing; {system} needs {', '.join(needed)}"
+            f"{path}: its values take {made} bytes or more, the limit for a file of its size is {allowed(limit)}; "
+            f"{more(made, limit)}"
         )
-    dates = [name for name in needed if table[name].dtype.kind in "mM"]
-    if dates:
-        raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")
+
+
+def check_width(path: Path, columns: int) -> None:
+    """Refuse a table of more columns than anything measures."""
+    if columns > allowed(TABLE_COLUMNS):
+        raise UsageError(
+            f"{path}: it has {columns} columns, the limit is {allowed(TABLE_COLUMNS)}; {more(columns, TABLE_COLUMNS)}"
+        )
+
+
+def is_text(kind: Any) -> bool:
+    """Whether an Arrow type is text; pandas' categories are a dictionary."""
+    import pyarrow as pa  # here, as pandas below: who reads a small table of numbers need not wait for them
+
+    held = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return str(held) in ("string", "large_string", "string_view")
+
+
+def _is_plain(kind: Any) -> bool:
+    """Whether an Arrow type is numbers, times or text: no lists, tables or bytes, which nothing is measured in."""
+    import pyarrow.types as types
+
+    return bool(types.is_primitive(kind) or types.is_boolean(kind) or is_text(kind))
+
+
+def read_frame(path: Path, precision: Literal["round_trip"] | None = None) -> pd.DataFrame:
+    """A CSV or Parquet table; UsageError where it cannot be read or two columns have one name.
+
+    Episodes are called letter by letter what the table says: NA and 007 are names, too. precision: pandas'
+    float_precision, for CSV.
+    """
+    import pandas as pd
+
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path}: is no ordinary file; name a CSV or Parquet table")
+    try:
+        if path.suffix == ".parquet":
+            return _read_parquet(path)
+        with path.open("rb") as file:
+            if len(file.readline(LONGEST_LINE + 1)) > LONGEST_LINE:
+                long = f"its first line is longer than {LONGEST_LINE} bytes"
+                raise UsageError(f"{path}: {long}; write a table with line breaks")
+        with path.open(newline="", encoding="utf-8-sig", errors="replace") as text:
+            first = next((row for row in csv.reader(text) if row), [])
+        check_width(path, len(first))
+        check_columns([name.strip() or f"column_{i}" for i, name in enumerate(first)], str(path))
+        frame = pd.read_csv(path, dtype={"episode": str}, float_precision=precision)
+        if "episode" in frame.columns and frame["episode"].isna().any():
+            said = pd.read_csv(path, usecols=["episode"], dtype=str, keep_default_na=False)["episode"]
+            frame["episode"] = said.where(said != "")
+        return frame
+    except UsageError:
+        raise
+    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
+        raise UsageError(f"{path}: cannot be read: {one_line(error, 160)}") from error
+
+
+def _read_parquet(path: Path) -> pd.DataFrame:
+    """A file's columns of numbers, times and text; a text that is there many times is held once."""
+    import pandas as pd
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path, **PARQUET) as file:
+        check_parquet(path, file.metadata)
+        check_columns([str(name) for name in file.schema_arrow.names], str(path))
+        fields = [field for field in file.schema_arrow if _is_plain(field.type)]
+    texts = [field.name for field in fields if is_text(field.type)]
+    frame = pd.read_parquet(path, columns=[field.name for field in fields], read_dictionary=texts)
+    for name in texts:
+        frame[name] = frame[name].astype("category").astype(object)
+    return frame
+
+
+def columns_of(frame: pd.DataFrame) -> Columns:
+    """The columns of a table that is there already; an episode without a name is called ""."""
+    columns = {str(name): _values(frame[name]) for name in frame.columns}
+    if "episode" in columns:
+        columns["episode"] = np.where(frame["episode"].isna(), "", frame["episode"].to_numpy(object))
+    return columns
+
+
+def _values(column: pd.Series[Any]) -> NDArray[Any]:
+    """What is missing among numbers is NaN."""
+    kind = column.dtype.kind
+    if isinstance(column.dtype, np.dtype):
+        return column.to_numpy()
+    if kind in "fiub":
+        return column.to_numpy(np.float64, na_value=np.nan)
+    return column.to_numpy(f"{kind}8[ns]" if kind in "mM" else object)
+
+
+def _episodes_of(
+    table: Columns, where: str, state: Channels, action: Channels, poses: Channels = UNSEEN
+) -> tuple[Episode, ...]:
+    """The episodes of a table with the columns episode, t, `state`, `action` and `poses`; where: its name in messages.
+
+    The last row's action of an episode never acted, and may be empty. UsageError names episode, row and column.
+    """
+    named = table["episode"].tolist()
+    if "" in named:
+        raise UsageError(f"{where}: row {named.index('')}: no episode; give every row its episode's name")
+    places = {name: place for place, name in enumerate(dict.fromkeys(named))}
+    of = np.array([places[name] for name in named], dtype=np.int64)
+    each = np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of))[:-1])
+    columns = ("t", *state.names, *action.names)
+    return tuple(
+        replace(
+            _episode(str(name), table, columns, rows, 1 + len(state), where),
+            poses=_pose_values(table, rows, poses),
+        )
+        for name, rows in zip(places, each if places else [], strict=True)
+    )
+
+
+def _numeric_poses(table: Columns, taken: Collection[str]) -> Channels:
+    """The poses of a table, of its columns of numbers."""
+    return pose_channels([name for name, values in table.items() if values.dtype.kind in "fiu"], taken)
+
+
+def _pose_values(table: Columns, rows: IntArray, poses: Channels) -> FloatArray | None:
+    """(K + 1, P) of an episode's rows, NaN where nothing was seen; None where nobody looked."""
+    if not len(poses):
+        return None
+    values = numbers_of(table, poses.names, rows)
+    return np.where(np.isfinite(values) & (np.abs(values) <= LARGEST), values, np.nan)
+
+
+def _episode(
+    name: str, table: Columns, columns: Sequence[str], rows: IntArray, states: int, where: str
+) -> Episode:
+    check_name(name, f"{where}: column episode")
+    try:
+        values = numbers_of(table, columns, rows)
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"{where}: episode {name}: a value is not a number: {error}") from error
+    used = np.ones(values.shape, dtype=np.bool_)
+    used[-1, states:] = False
+    unfinite, large = ~np.isfinite(values) & used, (np.abs(values) > LARGEST) & np.isfinite(values) & used
+    for bad in (np.argwhere(unfinite), np.argwhere(large)):
+        if len(bad):
+            row, column = (int(i) for i in bad[0])
+            value, more = values[row, column], f"({len(bad)} such value(s)); drop or repair the rows"
+            place, channel = f"{where}: episode {name}, row {rows[row]}", columns[column]
+            if not np.isfinite(value):
+                raise UsageError(f"{place}, channel {channel}: {value} is not finite {more}")
+            raise UsageError(
+                f"{place}, column {channel}: {value:g} is no measurement, none is larger than {LARGEST:g} {more}"
+            )
+    t = values[:, 0]
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise UsageError(
+            f"{where}: episode {name}, row {rows[row]}: t does not increase ({t[row - 1]:g}, then {t[row]:g}); "
+            "sort the rows, or give every run an episode of its own"
+        )
+    return Episode(name, t, values[:, 1:states], values[:-1, states:])

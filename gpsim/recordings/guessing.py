@@ -1,44 +1,518 @@
-"""What a log is compared with, and what was guessed of it."""
+"""What a log tells of columns, units and roles by itself: of tables, of bags, and for what `--inspect` proposes.
+
+A column's name is held against the words that roboticists use for a channel, a message's type says what it holds, and
+the values of a column say the unit of its clock.
+"""
 
 from __future__ import annotations
 
+import difflib
+import math
+import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from gpsim.channels import Channel, Channels
+import numpy as np
+import yaml
+
+from gpsim.channels import Channel, Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.guessing_parts import (
-    POSE,
-    TIME,
-    Clock,
-    Values,
-    clock_of,
-    command_of,
-    fitting_pose,
-    joint_command,
-    measured_joint,
-    poses_of,
+from gpsim.recordings.raw import NamedLog, Topic
+from gpsim.recordings.values import one_line
+
+EXACT, FULL, LAST, MEASURED = 5.0, 4.0, 1.9, 1.5
+"""Called as the channel; as one of its words; its last word is one; one of them and an m, as qm."""
+OTHER_NUMBER = (
+    0.2  # less where the channel's name has a number and the column's another one, as wrist_1 and wrist_2
 )
-from gpsim.recordings.likeness import (
-    EXACT,
-    FACTORS,
-    NO_ACTION,
-    NO_STATE,
-    NOTHING,
-    WORDS,
-    Source,
-    drive_words,
-    likeness,
-    rate_words,
-    read_source,
-    short,
-    sources_of,
-    unit_of,
-    words_of,
+LATER = 0.1  # less for every place that a word stands further back in its list
+WORDS: dict[str, tuple[str, ...]] = {
+    "position": ("position", "pos", "q", "x", "displacement", "travel", "distance", "s"),
+    "angle": ("theta", "angle", "phi", "th", "alpha", "position", "pos", "q", "rotation"),
+    "heading": ("yaw", "heading", "psi", "theta", "orientation"),
+    "x": ("x",),
+    "y": ("y",),
+    "velocity": ("velocity", "vel", "speed", "v", "qd", "xd", "dq", "dx"),
+    "angular_velocity": (
+        "omega", "velocity", "vel", "angular_velocity", "w", "speed", "qd", "dq", "rate", "gyro",
+    ),
+    "force": ("force", "motor_force", "u", "f", "effort", "command", "cmd", "control", "input", "action"),
+    "torque": (
+        "torque", "tau", "effort", "motor_torque", "u", "command", "cmd", "control", "input", "action",
+    ),
+    "speed_command": ("v_cmd", "cmd_v", "speed", "throttle", "v", "v_ref", "linear", "velocity_command"),
+    "turn_command": ("w_cmd", "cmd_w", "omega", "angular", "turn_rate", "yaw_rate", "w"),
+    "steering_command": ("steering", "steer", "delta", "steering_angle", "steering_cmd"),
+}  # fmt: skip
+"""What a quantity is called, the likeliest first."""
+NO_STATE = frozenset({
+    "target", "desired", "des", "ref", "reference", "cmd", "command", "goal", "set", "setpoint", "planned", "err",
+    "error", "raw", "squared", "sin", "cos", "acc", "accel", "imu", "std", "cov", "covariance", "count", "seq",
+})  # fmt: skip
+"""Words of a column that is not what was measured of a state."""
+NO_ACTION = frozenset(
+    {"raw", "squared", "err", "error", "measured", "sin", "cos", "std", "acc", "seq", "count"}
 )
-from gpsim.recordings.raw import Topic
+_NUMBERS = re.compile(r"\d+")
+_UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+
+
+def words_of(name: str) -> list[str]:
+    """`angleD [rad/s]` -> [angle, d]; numbers apart, units and slashes left out."""
+    bare = _UNIT.sub("", name)
+    bare = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare)
+    return [word for word in re.split(r"[^a-zA-Z]+", bare.lower()) if word]
+
+
+def unit_of(name: str) -> str:
+    """The unit that a column's name ends in, as `[deg]` or `(ms)`; empty without one."""
+    found = _UNIT.search(name)
+    return found[1].strip() if found else ""
+
+
+def likeness(name: str, channel: str, words: Sequence[str], never: frozenset[str]) -> float:
+    """How well a column fits a channel that is called by these words; 0 where it does not."""
+    own = words_of(name)
+    if "_".join(own) == "_".join(words_of(channel)) or name == channel:
+        fit = EXACT
+    elif never & set(own) or not own:
+        return 0.0
+    else:
+        fit = max(0.0, *(_fit_of_word(own, word) - LATER * place for place, word in enumerate(words)))
+    wanted = _NUMBERS.findall(channel)
+    return fit - OTHER_NUMBER if fit and wanted and _NUMBERS.findall(_UNIT.sub("", name)) != wanted else fit
+
+
+def _fit_of_word(own: list[str], word: str) -> float:
+    parts = word.split("_")
+    if own == parts:
+        return FULL
+    if own[-len(parts) :] == parts:
+        return LAST
+    return MEASURED if own == [f"{word}m"] else 0.0
+
+
+def rate_words(position: str) -> tuple[str, ...]:
+    """What the velocity of a position column is called, beside the words for velocities."""
+    own = "_".join(words_of(position))
+    ends = [f"{own}_{end}" for end in ("d", "dot", "vel", "velocity", "rate", "speed")]
+    return (*ends, f"d_{own}", f"{own}d", f"{own}dot", f"d{own}", f"v_{own}", f"v{own}")
+
+
+def drive_words(joint: str, unit: str) -> tuple[str, ...]:
+    """What a column of a joint's torque is called, or of what its servo is told."""
+    own = "_".join(words_of(joint))
+    torque = ("tau", "torque", "effort", "u", "cmd", "command")
+    target = ("target", "goal", "cmd", "command", "ref", "reference", "desired", "des", "setpoint")
+    return tuple(f"{own}_{end}" for end in (torque if unit in ("N m", "N") else target))
+
+
+FACTORS = {
+    "mm": 1e-3, "cm": 1e-2, "km": 1e3, "deg": math.pi / 180.0, "rpm": math.pi / 30.0, "ms": 1e-3, "us": 1e-6,
+    "ns": 1e-9,
+}  # fmt: skip
+"""Units that may stand before a source: what turns them into m, rad, rad/s and s."""
+NOTHING = "none"
+"""`force=none`: nobody commanded it."""
+_DULL = ("header.", "data_offset", "layout.", "covariance", ".seq")
+_SHOWN = 24  # sources that a message lists
+
+
+@dataclass(frozen=True)
+class Source:
+    """A field of a topic, and the factor that turns it into the channel's unit. alone: its table is the only topic."""
+
+    topic: str
+    field: str
+    scale: float = 1.0
+    alone: bool = False
+
+    @property
+    def typed(self) -> str:
+        """As it is typed behind `channel=`; without the field where the topic holds nothing else."""
+        return self.field if self.alone else f"{self.topic}:{self.field}"
+
+    def entry(self, unit: str, wraps: bool = False) -> dict[str, Any]:
+        """The channel's entry of a mapping."""
+        raw: dict[str, Any] = {} if self.alone else {"topic": self.topic}
+        raw |= {"field": self.field, "unit": unit}
+        raw |= {"scale": self.scale} if self.scale != 1.0 else {}
+        return raw | ({"wraps": True} if wraps else {})
+
+
+def told_fields(topic: Topic) -> list[str]:
+    """The fields that may be a channel: no headers, layouts and covariances."""
+    return [field for field in topic.fields if not any(part in field for part in _DULL)]
+
+
+def sources_of(topics: Sequence[Topic]) -> list[Source]:
+    """Every field that may be a channel."""
+    alone = len(topics) == 1
+    return [Source(t.name, field, alone=alone) for t in topics if not t.fault for field in told_fields(t)]
+
+
+def short(source: Source, topics: Sequence[Topic]) -> str:
+    """How a source is typed at its shortest: a topic with one field by its name alone."""
+    of_topic = [told_fields(topic) for topic in topics if topic.name == source.topic]
+    return source.topic if not source.alone and of_topic and len(of_topic[0]) == 1 else source.typed
+
+
+def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
+    """`[-][FACTOR*]TOPIC:FIELD`, or TOPIC or FIELD alone where that is enough; raises UsageError with the alternatives.
+
+    FACTOR: a number, or a unit as mm, deg.
+    """
+    found = _found(text, topics)
+    if found is not None:
+        return found
+    scale, rest = 1.0, text
+    if rest.startswith("-"):
+        scale, rest = -1.0, rest[1:]
+    while "*" in rest:
+        factor, _, rest = rest.partition("*")
+        scale *= _factor(factor.strip(), channel, text)
+    rest = rest.strip()
+    found = _found(rest, topics)
+    if found is None:
+        names = [short(source, topics) for source in sources_of(topics)]
+        near = difflib.get_close_matches(rest, names, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        what = f"no column or topic '{one_line(rest, 40)}'{hint} There are: {listed(names)}"
+        if several := [s.typed for s in sources_of(topics) if rest in (s.field, s.topic)]:
+            what = f"which of {', '.join(several[:_SHOWN])}?"
+        raise UsageError(f"{channel}={one_line(text, 60)}: {what}")
+    return Source(found.topic, found.field, scale, found.alone)
+
+
+def _factor(text: str, channel: str, word: str) -> float:
+    try:
+        value = FACTORS[text] if text in FACTORS else float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value != 0.0):
+        raise UsageError(
+            f"{channel}={one_line(word, 60)}: '{one_line(text, 30)}' is no factor; give a number, or one of "
+            f"{', '.join(FACTORS)}"
+        )
+    return value
+
+
+def _found(text: str, topics: Sequence[Topic]) -> Source | None:
+    every, alone = sources_of(topics), len(topics) == 1
+    for matches in (
+        [s for s in every if f"{s.topic}:{s.field}" == text],
+        [s for s in every if s.topic == text and short(s, topics) == text],
+        [s for s in every if s.field == text],
+    ):
+        if len(matches) == 1:
+            return matches[0]
+    hidden = [(t, f) for t in topics for f in t.fields if text == f"{t.name}:{f}" or (alone and text == f)]
+    return Source(hidden[0][0].name, hidden[0][1], alone=alone) if hidden else None
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a line, not too many."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(one_line(name, 60) for name in names[:_SHOWN]) + more
+
+
+UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+_YEARS = (3e8, 1e10)  # s after 1970 in which clocks of today count: 1979 to 2286
+_USUAL = 0.02  # s; a usual step of logs of what moves: a hundredth and a hundred times of it are usual, too
+
+
+def dated(t: FloatArray) -> str | None:
+    """The unit that times after 1970 tell by their size alone, if it is not seconds."""
+    size = float(np.median(np.abs(t[np.isfinite(t)]))) if np.isfinite(t).any() else 0.0
+    return next(
+        (n for n, scale in UNITS.items() if size > _YEARS[1] and _YEARS[0] <= size * scale <= _YEARS[1]), None
+    )
+
+
+def likely_unit(t: FloatArray, step: float) -> str | None:
+    """The unit that a time column (N,) with this usual step looks to be in; None where seconds are as likely.
+
+    A date tells it; else a step that is 1 or more as seconds, and that of a log of something that moves in the unit.
+    (A step of 20 may be 20 ms: the caller knows what speaks for it.)
+    """
+    if dated(t) is not None or step < 1.0:
+        return dated(t)
+    away = {name: abs(np.log10(step * scale / _USUAL)) for name, scale in UNITS.items()}
+    nearest = min(away, key=lambda name: away[name])
+    return nearest if away[nearest] <= 2.0 else None
+
+
+ALIKE = 0.75  # of 1: names so much alike are a slip of the pen
+
+
+def alike(name: str, columns: Sequence[str]) -> str | None:
+    """The column that is nearly called so, a slip of the pen; None where none is."""
+    lower = {column.lower(): column for column in columns}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=ALIKE)
+    return lower[near[0]] if near else None
+
+
+TIME = "t"
+SECONDS = (("s", "ns"), ("sec", "nsec"), ("secs", "nsecs"), ("sec", "nanosec"), ("seconds", "nanoseconds"))
+"""Columns that tell the time together."""
+STEPS = frozenset({"ts", "dt", "sample_time", "sampling_time"})
+"""What a column is called that holds the step alone, in its first row."""
+TIMES = frozenset({"t", "time", "timestamp", "timestamps", "stamp", "clock"})
+NOT = frozenset({"delta", "d", "latency", "delay", "diff"})
+SHORT = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}
+USUAL, GAP = 0.5, 2.5  # s that a gap has at the least, and in steps of the table
+Values = Callable[[str, str], FloatArray]
+"""Reads a field of a topic: (topic, field) -> (N,)."""
+
+
+@dataclass
+class Clock:
+    """raw: of the mapping; taken: what was decided, as it is typed; unclear: columns to choose from.
+
+    plain: told by a column in seconds that is called so.
+    """
+
+    raw: dict[str, Any] = field(default_factory=dict)
+    used: set[tuple[str, str]] = field(default_factory=set)
+    taken: tuple[str, str] | None = None
+    unclear: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    missing: bool = False
+    plain: bool = False
+
+
+def clock_of(
+    topics: Sequence[Topic], given: str | None, step: str | None, values: Values, beside: str = ""
+) -> Clock:
+    """Of tables; of a bag nothing, whose messages have stamps.
+
+    given: `t=...`, step: `dt=...` as typed; beside: words of the columns of the state, which a clock may share.
+    """
+    tables = [topic for topic in topics if topic.type == "table"]
+    if not tables:
+        return Clock()
+    every = [name for name in tables[0].fields if all(name in table.fields for table in tables)]
+    fields = every or list(tables[0].fields)
+
+    def used(*names: str) -> set[tuple[str, str]]:
+        return {(topic.name, name) for topic in tables for name in names}
+
+    if given is not None:
+        source = read_source(TIME, given, tables)
+        made = _column(source.field, source.scale, tables, values, typed=given)
+        made.used = used(source.field)
+        return made
+    pair = next((p for p in SECONDS if set(p) <= set(fields)), None)
+    if pair is not None:
+        raw = {"time": {"seconds": pair[0], "nanoseconds": pair[1]}}
+        return Clock(raw, used(*pair), remarks=[f"time from {pair[0]} and {pair[1]}"])
+    named = [name for name in fields if TIMES & set(words_of(name)) and not NOT & set(words_of(name))]
+    exact = [name for name in named if "_".join(words_of(name)) in TIMES]
+    shared = [name for name in named if beside and words_of(name)[:-1] == words_of(beside)]
+    chosen = shared or exact or named
+    if step is not None and not exact:
+        return _fixed(float(step), typed=step)
+    if chosen:
+        made = _column(chosen[0], None, tables, values)
+        made.unclear = chosen if len(chosen) > 1 else made.unclear
+        made.used = used(*chosen)
+        return made
+    told = next((name for name in fields if "_".join(words_of(name)) in STEPS), None)
+    if told is not None:
+        column = values(tables[0].name, told)
+        steps = np.unique(column[np.isfinite(column)])
+        if len(steps) == 1 and steps[0] > 0:
+            made = _fixed(float(steps[0]))
+            made.used, made.remarks = used(told), [f"{told} says a row every {steps[0]:g} s"]
+            return made
+    return Clock(missing=True)
+
+
+def _fixed(step: float, typed: str | None = None) -> Clock:
+    if not (np.isfinite(step) and step > 0):
+        raise UsageError(f"dt={typed}: give the seconds between two rows, as dt=0.01")
+    raw = {"time": {"step": step}, "gap_limit": max(USUAL, GAP * step)}
+    return Clock(raw, taken=("dt", f"{step:g}"))
+
+
+def _column(
+    name: str, scale: float | None, tables: Sequence[Topic], values: Values, typed: str | None = None
+) -> Clock:
+    made = Clock(taken=(TIME, typed or name))
+    t = values(next(topic for topic in tables if name in topic.fields).name, name)
+    t = t[np.isfinite(t)]
+    steps = np.diff(t)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if scale is None:
+        own = unit_of(name) or words_of(name)[-1]
+        scale = FACTORS[own] if own in ("ms", "us", "ns") else 1.0
+        sure, likely = dated(t), likely_unit(t, step)
+        if scale == 1.0 and sure is not None:
+            scale = UNITS[sure]
+            made.remarks.append(f"{name} counts {sure}")
+        elif scale == 1.0 and likely is not None:
+            made.unclear = [name, f"{SHORT[likely]}*{name}"]
+        if scale != 1.0:
+            made.taken = (TIME, f"{scale:g}*{name}")
+    made.plain = scale == 1.0 and typed is None and "_".join(words_of(name)) in TIMES
+    made.raw["time"] = {"field": name} | ({"scale": scale} if scale != 1.0 else {})
+    if GAP * step * scale > USUAL:
+        made.raw["gap_limit"] = GAP * step * scale
+    return made
+
+
+POSE = "pose"
+"""`pose=TOPIC` says where x, y and yaw are from."""
+POSES = {
+    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
+    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/Pose": ("position", "orientation"),
+}
+_TWIST = {"v_cmd": "linear.x", "w_cmd": "angular.z"}
+_ACKERMANN = {"v_cmd": "speed", "steering": "steering_angle"}
+COMMANDS = {
+    "geometry_msgs/msg/Twist": ("", _TWIST),
+    "geometry_msgs/msg/TwistStamped": ("twist.", _TWIST),
+    "ackermann_msgs/msg/AckermannDrive": ("", _ACKERMANN),
+    "ackermann_msgs/msg/AckermannDriveStamped": ("drive.", _ACKERMANN),
+}
+"""Type of a message -> what stands before its fields, and channel -> field."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A topic, or columns of one, that hold a pose. prefix: of the columns; rate: of the messages [Hz], if known."""
+
+    topic: str
+    x: str
+    y: str
+    yaw: str
+    quaternion: bool
+    alone: bool
+    prefix: str = ""
+    rate: float | None = None
+
+    @property
+    def name(self) -> str:
+        """As it is typed behind `pose=`."""
+        if not self.prefix:
+            return self.topic
+        return self.prefix if self.alone else f"{self.topic}:{self.prefix}"
+
+    def entries(self) -> dict[str, Any]:
+        """The three channels of a mapping."""
+        at: dict[str, Any] = {} if self.alone else {"topic": self.topic}
+        heading = {"quaternion": self.yaw, "angle": "yaw"} if self.quaternion else {"field": self.yaw}
+        return {
+            "x": {**at, "field": self.x, "unit": "m"},
+            "y": {**at, "field": self.y, "unit": "m"},
+            "yaw": {**at, **heading, "unit": "rad", "wraps": True},
+        }
+
+
+def _often(topics: Sequence[Topic]) -> list[Topic]:
+    """The most often told first."""
+    return sorted(topics, key=lambda topic: -topic.count)
+
+
+def poses_of(topics: Sequence[Topic]) -> list[Pose]:
+    """Every pose in the log, the most often told first."""
+    alone, found = len(topics) == 1, []
+    for topic in _often(topics):
+        if topic.type in POSES:
+            found.append(pose_of(topic, alone))
+        elif topic.type == "table":
+            found += _of_columns(topic, alone)
+    return found
+
+
+def pose_of(topic: Topic, alone: bool) -> Pose:
+    """The pose that messages of a known type hold."""
+    position, orientation = POSES[topic.type]
+    known = topic.start is not None and topic.end is not None and topic.end > topic.start
+    rate = (topic.count - 1) / (topic.end - topic.start) if known else None  # type: ignore[operator]
+    return Pose(topic.name, f"{position}.x", f"{position}.y", orientation, True, alone, rate=rate)
+
+
+def _of_columns(topic: Topic, alone: bool) -> list[Pose]:
+    """x, y and a heading with the same words before them, as `vicon x`, `vicon y`, `vicon yaw`."""
+    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    for name in topic.fields:
+        words = words_of(name)
+        if words and not NO_STATE & set(words) and "." not in name:
+            part = "yaw" if words[-1] in WORDS["heading"] else words[-1]
+            groups.setdefault(tuple(words[:-1]), {}).setdefault(part, name)
+    bases = [name.removesuffix(".w") for name in topic.fields if name.endswith(".w")]
+    turned = next((base for base in bases if {f"{base}.{part}" for part in "xyz"} <= set(topic.fields)), None)
+    return [
+        Pose(topic.name, parts["x"], parts["y"], heading, "yaw" not in parts, alone, " ".join(prefix))
+        for prefix, parts in groups.items()
+        if {"x", "y"} <= set(parts) and (heading := parts.get("yaw") or turned) is not None
+    ]
+
+
+def command_of(channel: str, topics: Sequence[Topic]) -> list[Source]:
+    """The fields of typed command messages that are this channel, the most often told first."""
+    known = [(topic, *COMMANDS[topic.type]) for topic in _often(topics) if topic.type in COMMANDS]
+    return [
+        Source(topic.name, f"{prefix}{ends[channel]}", alone=len(topics) == 1)
+        for topic, prefix, ends in known
+        if channel in ends
+    ]
+
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+ASKING = frozenset({
+    "command", "commands", "cmd", "cmds", "commanded", "desired", "target", "targets", "goal", "reference", "ref",
+    "setpoint", "setpoints", "control", "controls", "ctrl",
+})  # fmt: skip
+"""Words of a topic that says what is asked of the joints, not where they are."""
+POSITION, VELOCITY, EFFORT = "position", "velocity", "effort"
+TORQUES = ("N m", "N")  # units of what a motor gives, and of an effort
+_NAMED = re.compile(r"(\w+)\[name=(.+)\]")
+
+
+def measured_joint(name: str, of: str | None, topics: Sequence[Topic]) -> list[Source]:
+    """Where a joint's position is told, or its velocity (`of`: the joint), the most often told first."""
+    every, asked = _of_joints(topics)
+    told = [topic for topic in every if topic not in asked]
+    return _named(told, topics, of or name, VELOCITY if of else POSITION)
+
+
+def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topic]) -> list[Source]:
+    """Where an actuator's command is told, by its own name or by that of the joint that it drives.
+
+    Of a motor that nobody tells a command, it is the torque that was measured at its joint.
+    """
+    every, asked = _of_joints(topics)
+    kind = {"rad": POSITION, "m": POSITION, "rad/s": VELOCITY, "m/s": VELOCITY}.get(unit, EFFORT)
+    for called in dict.fromkeys((name, name.removesuffix("_cmd"), joint)):
+        if called is None:
+            continue
+        fields = [m for topic in asked for f in topic.fields if (m := _NAMED.fullmatch(f))]
+        kinds = {m[1] for m in fields if m[2] == called}
+        for part in (kind, *(kinds if len(kinds) == 1 else ())):
+            if found := _named(asked, topics, called, part):
+                return found
+    found = _named(every, topics, name, kind) if name != joint else []
+    told = [topic for topic in every if topic not in asked] if unit in TORQUES else []
+    return found or _named(told, topics, joint or name, EFFORT)
+
+
+def _of_joints(topics: Sequence[Topic]) -> tuple[list[Topic], list[Topic]]:
+    """(topics that name joints, those of them that ask something of these), the most often told first."""
+    every = _often([topic for topic in topics if topic.type == JOINT_STATE])
+    return every, [topic for topic in every if ASKING & set(words_of(topic.name))]
+
+
+def _named(told: Sequence[Topic], topics: Sequence[Topic], name: str, kind: str) -> list[Source]:
+    field = f"{kind}[name={name}]"
+    return [Source(topic.name, field, alone=len(topics) == 1) for topic in told if field in topic.fields]
+
 
 VEHICLE = ("x", "y", "yaw")
 
@@ -103,8 +577,12 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
     sound = [topic for topic in topics if topic.count and not topic.fault]
     made = Guess(system, {"system": system.recorded_as or system.name, "rate": "source"})
     made.raw |= {"model": system.model} if system.model is not None else {}
+    known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] * system.is_vehicle)]
+    for name, typed in given.items():
+        if name not in known:
+            there = ", ".join(known)
+            raise UsageError(f"{name}={typed}: no channel of {system.name}; there are: {there}")
     guesser = _Guesser(made, sound, given)
-    guesser.check_given()
     if system.is_vehicle and not any(name in given for name in VEHICLE):
         guesser.take_pose()
     beside = made.taken.get(POSE, "").rpartition(":")[2]
@@ -114,9 +592,23 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
         guesser.measure(channel)
     for channel in system.action:
         guesser.command(channel)
-    made.switch = guesser.switch()
+    for source in sources_of(sound):  # what may say when the motors were on: a command is obeyed only then
+        if SWITCHES & set(words_of(guesser.called(source))):
+            at = [] if source.alone else [f"episodes.topic={source.topic}"]
+            words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
+            made.switch = short(source, sound), " ".join(shlex.quote(word) for word in words)
+            break
     made.raw |= {"state": guesser.state, "action": guesser.action}
-    guesser.add_clock(clock)
+    made.raw |= clock.raw
+    made.remarks += clock.remarks
+    if clock.missing:
+        made.missing[TIME] = [source.typed for source in sources_of(sound)]
+    if clock.unclear:
+        made.unclear[TIME] = clock.unclear
+    if clock.taken and (clock.unclear or not clock.plain):
+        made.taken[clock.taken[0]] = clock.taken[1]
+    if len(sound) == 1 and "episode" in (*sound[0].fields, *sound[0].texts):
+        made.raw["episodes"] = {"by": "column", "field": "episode"}
     return made
 
 
@@ -136,42 +628,18 @@ class _Guesser:
     action: dict[str, Any] = field(default_factory=dict)
     used: set[tuple[str, str]] = field(default_factory=set)
 
-    def switch(self) -> tuple[str, str] | None:
-        """What may say when the motors were on: a command is obeyed only then."""
-        for source in sources_of(self.topics):
-            if SWITCHES & set(words_of(self._called(source))):
-                at = [] if source.alone else [f"episodes.topic={source.topic}"]
-                words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
-                return short(source, self.topics), " ".join(shlex.quote(word) for word in words)
-        return None
-
-    def check_given(self) -> None:
-        """Refuse a word for what the system does not have."""
-        system = self.made.system
-        known = [
-            *system.state.names,
-            *system.action.names,
-            TIME,
-            "dt",
-            *([POSE] if system.is_vehicle else []),
-        ]
-        for name, source in self.given.items():
-            if name not in known:
-                raise UsageError(
-                    f"{name}={source}: no channel of {system.name}; there are: {', '.join(known)}"
-                )
-
     def take_pose(self) -> None:
         """Take the pose's three channels, where a topic has one."""
         made, poses = self.made, poses_of(self.topics)
-        if POSE in self.given:
-            chosen = fitting_pose(self.given[POSE], poses)
-        elif not poses:
+        named = self.given.get(POSE)
+        if named is None and len(poses) > 1:
+            made.unclear[POSE] = [pose.name for pose in poses]
+        chosen = next((pose for pose in poses if named in (None, pose.name, pose.topic)), None)
+        if named is not None and chosen is None:
+            there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw by themselves"
+            raise UsageError(f"pose={named}: no such pose; there are: {there}")
+        if chosen is None:
             return
-        else:
-            chosen = poses[0]
-            if len(poses) > 1:
-                made.unclear[POSE] = [pose.name for pose in poses]
         self.used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
         made.typed &= not chosen.prefix
         made.taken[POSE] = chosen.name
@@ -218,50 +686,41 @@ class _Guesser:
         never: frozenset[str],
     ) -> bool:
         """Take what is given, else what the type of a message tells, else the name that fits best, if one does."""
-        name = channel.name
+        name, made = channel.name, self.made
         if name in self.given:
             self._take(entries, channel, read_source(name, self.given[name], self.topics))
             return True
-        if not typed:
-            return self._best(entries, channel, words, never)
-        self._take(entries, channel, typed[0])
-        self.made.fit += EXACT
-        if len(typed) > 1:
-            self.made.unclear[name] = [short(source, self.topics) for source in typed]
+        if typed:
+            self._take(entries, channel, typed[0])
+            made.fit += EXACT
+            if len(typed) > 1:
+                made.unclear[name] = [short(source, self.topics) for source in typed]
+            return True
+        fits = [(likeness(self.called(s), name, words, never), s) for s in self._free()]
+        best = max((fit for fit, _ in fits), default=0.0)
+        if best <= 0.0 or (best < SURE and channel in made.system.action):
+            return False  # another's command would do, and say something else
+        chosen = as_good = [source for fit, source in fits if fit > best - AS_GOOD]
+        if len(as_good) == 1 and best < SURE:
+            chosen = [s for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0]
+        if len(as_good) > 1 or best < SURE:
+            made.unclear[name] = [short(source, self.topics) for source in chosen]
+        made.typed = False
+        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
+        self._take(entries, channel, replace(as_good[0], scale=factor))
+        made.fit += best
         return True
+
+    def _free(self) -> list[Source]:
+        """Sources that are nobody's."""
+        return [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
 
     def _unused(self, never: frozenset[str]) -> list[str]:
         """What might be a channel's: sources that are nobody's, those that a name speaks against at the end."""
-        free = [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
-        free.sort(key=lambda source: bool(never & set(words_of(self._called(source)))))
+        free = sorted(self._free(), key=lambda source: bool(never & set(words_of(self.called(source)))))
         return [short(source, self.topics) for source in free]
 
-    def _best(
-        self, entries: dict[str, Any], channel: Channel, words: Sequence[str], never: frozenset[str]
-    ) -> bool:
-        fits = [
-            (likeness(self._called(source), channel.name, words, never), source)
-            for source in sources_of(self.topics)
-            if (source.topic, source.field) not in self.used
-        ]
-        best = max((fit for fit, _ in fits), default=0.0)
-        if best <= 0.0 or (best < SURE and channel in self.made.system.action):
-            return False  # another's command would do, and say something else
-        as_good = [source for fit, source in fits if fit > best - AS_GOOD]
-        if len(as_good) > 1:
-            self.made.unclear[channel.name] = [short(source, self.topics) for source in as_good]
-        elif best < SURE:
-            others = [
-                short(s, self.topics) for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0
-            ]
-            self.made.unclear[channel.name] = others
-        self.made.typed = False
-        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
-        self._take(entries, channel, replace(as_good[0], scale=factor))
-        self.made.fit += best
-        return True
-
-    def _called(self, source: Source) -> str:
+    def called(self, source: Source) -> str:
         """A scalar message is called as its topic; a field is as what it holds."""
         name = short(source, self.topics)
         return name if name != source.typed else source.field
@@ -271,20 +730,6 @@ class _Guesser:
         self.used.add((source.topic, source.field))
         factor = "" if source.scale == 1.0 else "-" if source.scale == -1.0 else f"{source.scale:.6g}*"
         self.made.taken[channel.name] = f"{factor}{short(source, self.topics)}"
-
-    def add_clock(self, clock: Clock) -> None:
-        """How the tables tell the time; a bag's topics have stamps."""
-        made = self.made
-        made.raw |= clock.raw
-        made.remarks += clock.remarks
-        if clock.missing:
-            made.missing[TIME] = [source.typed for source in sources_of(self.topics)]
-        if clock.unclear:
-            made.unclear[TIME] = clock.unclear
-        if clock.taken and (clock.unclear or not clock.plain):
-            made.taken[clock.taken[0]] = clock.taken[1]
-        if len(self.topics) == 1 and "episode" in (*self.topics[0].fields, *self.topics[0].texts):
-            made.raw["episodes"] = {"by": "column", "field": "episode"}
 
 
 def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, ...]:
@@ -301,3 +746,107 @@ def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, 
         return (name, "y", "output")
     words = WORDS["angle" if unit == "rad" else "position"]
     return (*words, *(f"{'_'.join(words_of(name))}_{end}" for end in ("position", "pos", "angle", "q")))
+
+
+_LOOSE = {f"std_msgs/msg/{kind}" for kind in ("Float32", "Float64", "Float32MultiArray")} | {
+    "sensor_msgs/msg/Joy"
+}
+TIME_COLUMNS = ("t", "time", "timestamp", "Time", "time [s]")
+"""What the time column of a table is called where nobody says so."""
+
+
+def proposal(topics: tuple[Topic, ...], rates: Mapping[str, float | None]) -> str:
+    """A mapping to start from, as YAML; what could not be told is marked by a comment."""
+    pose, command = (
+        max((t for t in topics if t.type in known and t.count), key=lambda t: t.count, default=None)
+        for known in (POSES, COMMANDS)
+    )
+    if pose is not None:
+        raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
+    elif len(topics) == 1:
+        raw = _table(topics[0])
+        advice = "name the channels as the system does; actions are what was commanded"
+    else:
+        raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
+        advice = "no pose topic found; fill in state and action from the fields above"
+    if pose is not None and (rate := rates.get(pose.name)):
+        raw["rate"] = min(50, max(1, round(rate)))
+    if pose is not None and not raw["action"]:
+        loose = [(t.name, n) for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n]
+        near = [f"{name} {field}" for name, field in sorted(loose, key=lambda pair: "." in pair[1])]
+        advice += (
+            f"\n# commands could be among: {', '.join(near[:10])}" if near else "; no command topic found"
+        )
+    text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
+    return f"# proposed mapping: fill in every '?', {advice}\n{text}"
+
+
+def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
+    prefix, ends = COMMANDS[command.type] if command is not None else ("", {})
+    units = {"v_cmd": "m/s", "w_cmd": "rad/s", "steering": "rad"}
+    action = {
+        name: Source(command.name, f"{prefix}{end}").entry(units[name])
+        for name, end in ends.items()
+        if command is not None
+    }
+    system = "ackermann" if "steering" in ends else "unicycle"
+    state = pose_of(pose, alone=False).entries()
+    return {"system": system, "rate": 50, "gap_limit": 0.5, "state": state, "action": action}
+
+
+def _table(topic: Topic) -> dict[str, Any]:
+    columns = [name for name in topic.fields if name not in (*TIME_COLUMNS, "episode")]
+    raw: dict[str, Any] = {"system": "?", "rate": "source"}
+    if "episode" in (*topic.fields, *topic.texts):
+        raw["episodes"] = {"by": "column", "field": "episode"}
+    time = next((name for name in TIME_COLUMNS if name in topic.fields), None)
+    if time is not None:
+        raw["time"] = {"field": time}
+    elif {"s", "ns"} <= set(columns):
+        raw["time"] = {"seconds": "s", "nanoseconds": "ns"}
+        columns = [name for name in columns if name not in ("s", "ns")]
+    else:
+        raw["time"] = {"field": "?"}
+    raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
+    return raw | {"action": {}}
+
+
+def bare_mapping(
+    named: NamedLog, system: str, systems: Mapping[str, tuple[Channels, Channels]]
+) -> dict[str, Any]:
+    """The mapping of a table whose columns are called as the channels of `system`.
+
+    Raises UsageError naming the columns that lack, or asking for a mapping where the log is no table.
+    """
+    topics = named.log.topics()
+    if len(topics) != 1:
+        raise UsageError(
+            f"{named.name}: {len(topics)} topics; say which is which channel with --mapping NAME_OR_FILE "
+            "(gpsim import --inspect proposes one)"
+        )
+    if not system:
+        raise UsageError(
+            f"{named.name}: no --mapping; `gpsim import --inspect` shows what is inside and proposes one (its system "
+            "may be one of your own, as my_system.py:ClassName); or say system=NAME where the columns are called as "
+            f"the channels of {', '.join(systems)}"
+        )
+    if system not in systems:
+        raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")
+    (state, action), fields = systems[system], topics[0].fields
+    time = next((name for name in TIME_COLUMNS if name in fields), None)
+    if not set(action.names) & set(fields) and not any(alike(name, fields) for name in action.names):
+        action = Channels(())  # nobody commanded it
+    lacking = [name for name in (*state.names, *action.names) if name not in fields]
+    if time is None or lacking:
+        what = ", ".join([*([] if time else ["t"]), *lacking])
+        raise UsageError(
+            f"{named.name}: column(s) {what} missing for {system}; there are: {', '.join(fields[:30])}"
+        )
+    raw: dict[str, Any] = {"system": system, "rate": "source", "time": {"field": time}}
+    if "episode" in (*fields, *topics[0].texts):
+        raw["episodes"] = {"by": "column", "field": "episode"}
+    raw["state"] = {
+        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {}) for c in state
+    }
+    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in action}
+    return raw

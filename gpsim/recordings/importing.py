@@ -1,27 +1,99 @@
-"""Logs and a mapping to a Recording and the report of how it came about."""
+"""Logs and a mapping to a Recording and the report of how it came about, in numbers that add up."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.recordings import import_report, signals
-from gpsim.recordings.assembling import Assembled, assemble
+from gpsim.recordings import signals
+from gpsim.recordings.assembling import Assembled, TopicCount, assemble
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.import_report import EpisodeCount, ImportReport
-from gpsim.recordings.likeness import UNITS, likely_unit
-from gpsim.recordings.mapping import ImportMapping
+from gpsim.recordings.guessing import UNITS, likely_unit
+from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
 from gpsim.recordings.raw import NamedLog
 from gpsim.recordings.recording import Episode, Recording
 from gpsim.recordings.signals import Lag
 from gpsim.recordings.soundness import unmarked_wraps
-from gpsim.recordings.sources import Inspector, Part, read_parts
+from gpsim.recordings.tracks import MISSING, Inspector, Part, read_parts
 from gpsim.recordings.values import LARGEST
+
+
+@dataclass(frozen=True)
+class EpisodeCount:
+    """One episode: name, the log it is from, start after `epoch` on that log's clock [s], duration [s]."""
+
+    name: str
+    source: str
+    start: float
+    duration: float
+    transitions: int
+    epoch: float = 0.0
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """Everything an import decided. notes: sentences; warnings: sentences that ask for a second look."""
+
+    topics: tuple[TopicCount, ...]
+    episodes: tuple[EpisodeCount, ...]
+    rate: str
+    lags: tuple[Lag, ...] = ()
+    applied: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def summed(self) -> tuple[TopicCount, ...]:
+        """The topics with the logs added up."""
+        groups: dict[tuple[str, str, str, str], list[TopicCount]] = {}
+        sources = {count.source for count in self.topics}
+        pairs = {(count.source, count.topic) for count in self.topics}
+        alone = len(sources) == len(pairs) and len({count.topic for count in self.topics}) > 1
+        for count in self.topics:  # tables are called as their files: add up what is alone in its log
+            topic = f"the table of each of {len(sources)} logs" if alone else count.topic
+            groups.setdefault((topic, count.part, count.type, count.clock), []).append(count)
+        return tuple(_sum(topic, group) for (topic, *_), group in groups.items())
+
+    def as_metadata(self) -> dict[str, Any]:
+        """Plain numbers for recording.yaml."""
+        return {
+            "topics": {
+                f"{c.name} ({c.clock})": {"read": c.read, "kept": c.kept}
+                | ({"dropped": dict(c.dropped)} if c.dropped else {})
+                | ({"noticed": dict(c.noticed)} if c.noticed else {})
+                for c in self.summed()
+            },
+            "lags": {
+                lag.command: {
+                    "response": lag.response,
+                    "lag_s": round(lag.lag, 4),
+                    "correlation": round(lag.correlation, 3),
+                }
+                for lag in self.lags
+                if lag.usable
+            },
+            "offsets_applied_s": {topic: round(value, 6) for topic, value in self.applied.items()},
+        }
+
+
+def _sum(topic: str, group: Sequence[TopicCount]) -> TopicCount:
+    first = group[0]
+    delays = [count.delay for count in group if count.delay is not None]
+    return replace(
+        first,
+        source=first.source if len(group) == 1 else f"{len(group)} logs",
+        topic=topic,
+        read=sum(c.read for c in group),
+        kept=sum(c.kept for c in group),
+        dropped=dict(sum((Counter(c.dropped) for c in group), Counter())),
+        noticed=dict(sum((Counter(c.noticed) for c in group), Counter())),
+        delay=delays[len(delays) // 2] if delays else None,
+        drift=None,
+    )
 
 
 def import_logs(
@@ -45,26 +117,38 @@ def import_logs(
         built, _ = _assemble_all(parts, shifts)
     episodes, counts, session = _numbered(parts, built, mapping)
     if not episodes:
-        raise UsageError(_nothing_left(built, parts))
+        reasons: Counter[str] = Counter()
+        for count in (count for one in built for count in one.counts):
+            reasons.update({f"{count.name}: {reason}": number for reason, number in count.dropped.items()})
+        worst = "; ".join(f"{number} rows of {reason}" for reason, number in reasons.most_common(3))
+        hint = _unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
+        raise UsageError(f"no episode is left ({worst or 'the topics are empty'}); {hint}")
     _check_values(mapping, episodes)
     recording = _recording(mapping, episodes, session)
+    rate = f"the state's own stamps, not interpolated; median step {1e3 * recording.dt:.4g} ms"
+    if mapping.rate is not None:
+        rate = f"{mapping.rate:g} Hz, interpolated"
+    # What salvage could not read of the files themselves.
+    losses = [f"{log.name}: {n} x {reason}" for log in logs for reason, n in log.log.losses.items()]
     report = ImportReport(
         topics=tuple(count for one in built for count in one.counts),
         episodes=counts,
-        rate=import_report.rate_text(mapping, recording.dt),
+        rate=rate,
         lags=tuple(found),
         applied=shifts,
-        notes=import_report.notes_of(mapping, recording, built),
+        notes=_notes(mapping, recording, built),
         warnings=(
-            *_losses(logs),
+            *losses,
             *unmarked_wraps(parts, built),
-            *import_report.warnings_of(mapping, recording, built),
+            *_warnings(mapping, recording, built),
         ),
     )
     provenance = {
-        "mapping": import_report.mapping_metadata(mapping),
+        "mapping": _mapping_metadata(mapping),
         "import": report.as_metadata(),
-        "sources": import_report.origins(counts),
+        "sources": {
+            c.name: {"log": c.source, "epoch_s": c.epoch, "start_s": round(c.start, 9)} for c in counts
+        },
     }
     return replace(recording, provenance=provenance), report
 
@@ -95,11 +179,6 @@ def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
         raise UsageError(
             "clock.apply_offset: commands and state share their rows and so their clock, there is nothing to shift"
         )
-
-
-def _losses(logs: Sequence[NamedLog]) -> list[str]:
-    """What salvage could not read of the files themselves."""
-    return [f"{log.name}: {number} x {reason}" for log in logs for reason, number in log.log.losses.items()]
 
 
 def _command_topics(mapping: ImportMapping) -> set[str]:
@@ -159,16 +238,6 @@ def _numbered(
     return tuple(episodes), tuple(counts), session
 
 
-def _nothing_left(built: Sequence[Assembled], parts: Sequence[Part]) -> str:
-    reasons: Counter[str] = Counter()
-    for count in (count for one in built for count in one.counts):
-        reasons.update({f"{count.name}: {reason}": number for reason, number in count.dropped.items()})
-    worst = reasons.most_common(3)
-    why = "; ".join(f"{number} rows of {reason}" for reason, number in worst) or "the topics are empty"
-    hint = _unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
-    return f"no episode is left ({why}); {hint}"
-
-
 def _unit_hint(parts: Sequence[Part]) -> str:
     """What to write where no episode is left because the time column is in another unit; empty where it is not."""
     for part in parts:
@@ -206,3 +275,115 @@ def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: b
         noise=mapping.noise,
         held_out=hold_out(episodes, mapping.held_out, session),
     )
+
+
+def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """How commands were held, velocities made, and what is held out."""
+    notes = []
+    if len(mapping.action):
+        mean = mapping.commands == "mean"
+        how = "averaged over each step" if mean else "held (zero order), the one standing at t_k"
+        longest = max(one.longest_hold for one in built)
+        inside = f"the longest time without a new one inside an episode is {longest:.3g} s"
+        notes.append(f"commands: {how}; {inside}")
+    made = [s.name for s in mapping.state if s.derivative_of is not None]
+    if made:
+        notes.append(f"velocities: {', '.join(made)} differentiated, {_describe(mapping.velocities)}")
+    if mapping.smoothing.channels:
+        notes.append(f"smoothed: {', '.join(mapping.smoothing.channels)}, {_describe(mapping.smoothing)}")
+    held = recording.held_out
+    if held is None:
+        notes.append("held out: nothing")
+    elif held.episodes_from is not None:
+        notes.append(f"held out: episodes from {held.episodes_from} on")
+    elif held.share is not None:
+        notes.append(f"held out: the last {100 * held.share:g} %")
+    else:
+        notes.append(f"held out: time from {held.time_from:g} s on")
+    return tuple(notes)
+
+
+def _describe(smoothing: Smoothing) -> str:
+    """A smoothing choice in words."""
+    edges = "edges trimmed" if smoothing.edges == "trim" else "edges by a one-sided fit"
+    if smoothing.method == "gaussian":
+        return f"Gaussian smoothing of sigma = {smoothing.sigma:g} samples of the source, {edges}"
+    if smoothing.method == "savgol":
+        return f"Savitzky-Golay, {smoothing.window} samples, order {smoothing.order}, {edges}"
+    return f"no smoothing, {edges}"
+
+
+def _warnings(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """What asks for a second look."""
+    found = []
+    clocks = {(count.topic, count.clock) for one in built for count in one.counts}
+    kinds = {
+        "header" if name == "header" else "receive" for _, name in clocks if name[:6] in ("header", "receiv")
+    }
+    if len(kinds) > 1:
+        on = ", ".join(sorted(topic for topic, name in clocks if name.startswith("receive")))
+        found.append(
+            f"header stamps and receive times are mixed ({on} on receive time): transport delay is an offset"
+        )
+        found += _drifting(built, recording.dt)
+    steps = np.concatenate([np.diff(e.t) for e in recording.episodes])
+    if mapping.rate is None and float(steps.max()) > 1.5 * recording.dt:
+        found.append(
+            f"steps are uneven, {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; rate=HZ evens them"
+        )
+    lost: dict[str, list[int]] = {}
+    for one in built:
+        for count in one.counts:
+            total = lost.setdefault(count.name, [0, 0])
+            # Rows of a part without its channels are another part's.
+            total[0] += count.read - (count.dropped.get(MISSING, 0) if count.part else 0)
+            total[1] += count.kept
+    found += [
+        f"{topic}: only {100.0 * kept / read:.0f} % of its rows lie in an episode"
+        for topic, (read, kept) in lost.items()
+        if read and kept < 0.5 * read
+    ]
+    return tuple(found)
+
+
+def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
+    """Topics on header stamps whose clock moved against the receiver's by more than a step [s] within a log."""
+    worst: dict[str, tuple[float, float]] = {}
+    for one in built:
+        for count in one.counts:
+            if count.clock != "header" or count.drift is None or count.drift[1] - count.drift[0] <= step:
+                continue
+            known = worst.get(count.topic, (0.0, 0.0))
+            worst[count.topic] = max(known, count.drift, key=lambda ends: ends[1] - ends[0])
+    return [
+        f"the two clocks move against each other: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after "
+        f"its stamp (running median), a change of more than a step of {1e3 * step:.4g} ms; what is on receive time is "
+        "off by as much; split the log where it changes, or use clock.stamps=receive"
+        for topic, (least, most) in worst.items()
+    ]
+
+
+def _mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
+    """The decisions of the mapping, for recording.yaml."""
+    metadata: dict[str, Any] = {
+        "state": {source.name: _origin(source) for source in mapping.state},
+        "action": {source.name: _origin(source) for source in mapping.action},
+        "rate": "source" if mapping.rate is None else mapping.rate,
+        "gap_limit_s": mapping.gap_limit,
+        "commands": mapping.commands,
+    }
+    if len(mapping.measured) < len(mapping.state):
+        metadata["velocities"] = _describe(mapping.velocities)
+    if mapping.smoothing.channels:
+        metadata["smoothing"] = f"{', '.join(mapping.smoothing.channels)}: {_describe(mapping.smoothing)}"
+    return metadata
+
+
+def _origin(source: ChannelSource) -> dict[str, Any]:
+    """What a recording keeps of a channel's origin."""
+    raw: dict[str, Any] = {"topic": source.topic, "field": source.field, "quaternion": source.quaternion}
+    raw["angle"] = source.angle if source.quaternion else None
+    raw["derivative_of"] = source.derivative_of
+    raw |= {"scale": source.sign * source.scale, "offset": source.offset}
+    defaults = {"scale": 1.0, "offset": 0.0}
+    return {key: value for key, value in raw.items() if value is not None and value != defaults.get(key)}

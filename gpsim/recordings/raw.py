@@ -92,6 +92,7 @@ class NamedLog:
 
 
 SUFFIXES = (".bag", ".db3", ".mcap", ".csv", ".parquet", ".mat")
+"""Endings of the files that are logs wherever they lie; who names another file says what it is."""
 MOST = 10_000  # files below one folder; more is a mistaken path
 Opener = Callable[[Path], RawLog]
 
@@ -112,13 +113,13 @@ class FolderLog:
 
     def topics(self) -> Sequence[Topic]:
         """One topic a file; a file that cannot be read is at fault by itself."""
-        return [self._topic(name, path) for name, path in self.files.items()]
-
-    def _topic(self, name: str, path: Path) -> Topic:
-        try:
-            return replace(self._only(name, self.opener(path)), name=name)
-        except UsageError as error:
-            return Topic(name, "table", 0, (), None, None, has_header=False, fault=str(error))
+        found = []
+        for name, path in self.files.items():
+            try:
+                found.append(replace(self._only(name, self.opener(path)), name=name))
+            except UsageError as error:
+                found.append(Topic(name, "table", 0, (), None, None, has_header=False, fault=str(error)))
+        return found
 
     def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
         """Read the wanted files only."""
@@ -148,30 +149,27 @@ def find_logs(
     """
     found: list[NamedLog] = []
     for path in paths:
-        if not _exists(path):
+        try:
+            there = path.exists()
+        except OSError as error:
+            raise UsageError(f"{one_line(path)}: cannot be read ({error.strerror or error})") from error
+        if not there:
             raise UsageError(f"{one_line(path)}: does not exist")
         check_name(path.name or ".", one_line(path.parent))
-        found += _folders(path, pattern, opener) if layout == "folder" else _files(path, pattern, opener)
+        if layout == "folder":
+            found += _folders(path, pattern, opener)
+        elif path.is_file() or is_bag_folder(path):
+            found.append(NamedLog(path.name, opener(path)))
+        else:
+            logs = [p for p in _walk(path) if fnmatch(p.name, pattern) and (is_bag_folder(p) or _is_log(p))]
+            if not logs:
+                kinds = ", ".join(SUFFIXES)
+                raise UsageError(f"{path}: no log files named {pattern} ({kinds}) in this folder")
+            found += [NamedLog(p.relative_to(path).as_posix(), opener(p)) for p in logs]
     names = [log.name for log in found]
     if len(set(names)) != len(names):  # the same file name from two paths
         found = [NamedLog(f"{number + 1}: {log.name}", log.log) for number, log in enumerate(found)]
     return found
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError as error:
-        raise UsageError(f"{one_line(path)}: cannot be read ({error.strerror or error})") from error
-
-
-def _files(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
-    if path.is_file() or is_bag_folder(path):
-        return [NamedLog(path.name, opener(path))]
-    logs = [p for p in _walk(path) if fnmatch(p.name, pattern) and (is_bag_folder(p) or _is_log(p))]
-    if not logs:
-        raise UsageError(f"{path}: no log files named {pattern} ({', '.join(SUFFIXES)}) in this folder")
-    return [NamedLog(p.relative_to(path).as_posix(), opener(p)) for p in logs]
 
 
 def _folders(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:

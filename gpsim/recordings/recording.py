@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
+from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings.values import Number, Sound, share_of, within
 
@@ -90,14 +90,7 @@ class Transitions:
 
     def take(self, rows: IntArray | BoolArray) -> Transitions:
         """The transitions at `rows` (indices or a mask)."""
-        return Transitions(
-            self.states[rows],
-            self.actions[rows],
-            self.next_states[rows],
-            self.dt[rows],
-            self.t[rows],
-            self.episode[rows],
-        )
+        return Transitions(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -109,7 +102,7 @@ class Recording:
     deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
     kept as it is. sources: the recordings that it was joined from, none of one by itself; each holds out its own part
     unless `held_out` of the whole says otherwise. poses: columns of the file that are neither state nor action, but
-    where a motion capture saw something (`gpsim.recordings.poses`); only a diagnosis of a model looks at them.
+    where a motion capture saw something (`pose_channels`); only a diagnosis of a model looks at them.
     """
 
     system: str
@@ -170,6 +163,25 @@ def evenly(count: int, most: int) -> IntArray:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
+PLACE, TURN = ("x", "y", "z"), ("qw", "qx", "qy", "qz")
+
+
+def pose_channels(names: Sequence[str], taken: Collection[str]) -> Channels:
+    """The columns of poses among `names`, in their order, whole places alone; taken: names that mean something else.
+
+    They are no channels: NAME.x .y .z [m], and NAME.qw .qx .qy .qz, that somebody else measured.
+    """
+    heads = dict.fromkeys(name.removesuffix(".x") for name in names if name.endswith(".x"))
+    found: list[Channel] = []
+    for head in heads:
+        place, turn = ([f"{head}.{part}" for part in parts] for parts in (PLACE, TURN))
+        if not head or {*place, *turn} & {*taken} or not {*place} <= {*names}:
+            continue
+        found += [Channel(name, "m") for name in place]
+        found += [Channel(name, "1") for name in turn] if {*turn} <= {*names} else []
+    return Channels(tuple(found))
+
+
 def without_poses(recording: Recording) -> Recording:
     """The recording as nobody else saw it."""
     if not len(recording.poses):
@@ -216,46 +228,35 @@ def apart(recording: Recording) -> list[Recording]:
     """The recordings that a joined one is of, as it has them; itself where it is one."""
     if not recording.sources:
         return [recording]
-    return [
-        replace(recording, episodes=_of(recording, place), held_out=source.held_out, sources=())
-        for place, source in enumerate(recording.sources)
-    ]
-
-
-def _of(recording: Recording, place: int) -> tuple[Episode, ...]:
-    return tuple(episode for episode in recording.episodes if episode.source == place)
+    found = []
+    for place, source in enumerate(recording.sources):
+        own = tuple(episode for episode in recording.episodes if episode.source == place)
+        found.append(replace(recording, episodes=own, held_out=source.held_out, sources=()))
+    return found
 
 
 def _check_alike(one: Recording, other: Recording, first: str, second: str) -> None:
     """What two recordings must share: the system, what is recorded in which units, the rate and the base simulator."""
-    _check_same("system", one.system, other.system, first, second)
-    _check_channels("state", one.state, other.state, first, second)
-    _check_channels("action", one.action, other.action, first, second)
+    pairs: list[tuple[str, object, object]] = [("system", one.system, other.system)]
+    for kind, own, theirs in (("state", one.state, other.state), ("action", one.action, other.action)):
+        if not own.same_as(theirs):
+            pairs.append((kind, own.listed(), theirs.listed()))
+    _check_same(pairs, first, second)
     if abs(other.dt - one.dt) > SAME_STEP * one.dt:
         raise UsageError(
             f"{first} has a step of {one.dt:g} s, {second} of {other.dt:g} s: several recordings are judged together "
             "at one rate; import them at the same one, or judge each with --each"
         )
-    _check_same("velocities", one.velocities, other.velocities, first, second)
-    _check_same("integrator", one.integrator, other.integrator, first, second)
+    pairs = [(what, getattr(one, what), getattr(other, what)) for what in ("velocities", "integrator")]
     for name in dict.fromkeys((*one.parameters, *other.parameters)):
-        own, theirs = one.parameters.get(name), other.parameters.get(name)
-        if own != theirs:
-            raise _unlike(f"{name} of the base simulator", own, theirs, first, second)
+        pairs.append((f"{name} of the base simulator", one.parameters.get(name), other.parameters.get(name)))
+    _check_same(pairs, first, second)
 
 
-def _check_channels(kind: str, one: Channels, other: Channels, first: str, second: str) -> None:
-    if not one.same_as(other):
-        raise _unlike(kind, one.listed(), other.listed(), first, second)
-
-
-def _check_same(what: str, one: object, other: object, first: str, second: str) -> None:
-    if one != other:
-        raise _unlike(what, one, other, first, second)
-
-
-def _unlike(what: str, one: object, other: object, first: str, second: str) -> UsageError:
-    return UsageError(
-        f"{first} and {second} differ in {what} ({one} and {other}): several recordings are judged together as of one "
-        "machine and one base simulator; make them alike, or judge each with --each"
-    )
+def _check_same(pairs: Sequence[tuple[str, object, object]], first: str, second: str) -> None:
+    for what, one, other in pairs:
+        if one != other:
+            raise UsageError(
+                f"{first} and {second} differ in {what} ({one} and {other}): several recordings are judged together "
+                "as of one machine and one base simulator; make them alike, or judge each with --each"
+            )

@@ -70,22 +70,19 @@ def _filtered(values: FloatArray, step: float, smoothing: Smoothing, derivative:
             inner = gaussian_filter1d(values, smoothing.sigma, mode="nearest", truncate=TRUNCATE)
         inner = np.gradient(inner, step) if derivative else inner
     inner = np.asarray(inner, dtype=np.float64).copy()
-    # A piece that no window fits into is one-sided throughout.
-    for i in sorted({*range(min(edge, len(values))), *range(max(len(values) - edge, 0), len(values))}):
-        inner[i] = _one_sided(values, i, step, smoothing, derivative)
-    return inner
-
-
-def _one_sided(values: FloatArray, i: int, step: float, smoothing: Smoothing, derivative: bool) -> float:
-    """A line (gaussian, none) or polynomial (savgol) through the samples that exist around sample i."""
+    # A piece that no window fits into is one-sided throughout: a line (gaussian, none) or polynomial (savgol) through
+    # the samples that exist around each.
     half = max(2, reach(smoothing, derivative=True))
-    low, high = max(0, i - half), min(len(values), i + half + 1)
-    x = np.arange(low, high) - float(i)
-    weight = np.exp(-0.25 * (x / smoothing.sigma) ** 2) if smoothing.method == "gaussian" else np.ones(len(x))
-    order = min(smoothing.order if smoothing.method == "savgol" else 1, len(x) - 1)
-    powers = np.vander(x, order + 1, increasing=True)
-    fit = np.linalg.lstsq(powers * weight[:, None], values[low:high] * weight, rcond=None)[0]
-    return float(fit[1] / step if derivative else fit[0])
+    for i in sorted({*range(min(edge, len(values))), *range(max(len(values) - edge, 0), len(values))}):
+        low, high = max(0, i - half), min(len(values), i + half + 1)
+        x = np.arange(low, high) - float(i)
+        gaussian = smoothing.method == "gaussian"
+        weight = np.exp(-0.25 * (x / smoothing.sigma) ** 2) if gaussian else np.ones(len(x))
+        order = min(smoothing.order if smoothing.method == "savgol" else 1, len(x) - 1)
+        powers = np.vander(x, order + 1, increasing=True)
+        fit = np.linalg.lstsq(powers * weight[:, None], values[low:high] * weight, rcond=None)[0]
+        inner[i] = fit[1] / step if derivative else fit[0]
+    return inner
 
 
 @dataclass(frozen=True)
@@ -174,9 +171,17 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.name: clock.linear(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
+                s.name: np.interp(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
             }
-            responses = _responses(signals, self.step)
+            # The rate of every channel, and a pose's speed along its heading; the filter is even, so it adds no lag.
+            rates = {
+                name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), self.step)
+                for name, v in signals.items()
+            }
+            responses = {f"rate of {name}": rate for name, rate in rates.items()}
+            if {"x", "y", "yaw"} <= set(signals):
+                yaw = signals["yaw"]
+                responses["forward speed"] = rates["x"] * np.cos(yaw) + rates["y"] * np.sin(yaw)
             for source in mapping.action:
                 track = tracks[source.track]
                 command = clock.held(at, track.t, samples(source, track))
@@ -194,15 +199,3 @@ class Pieces:
             if known is None or abs(lag.correlation) > abs(known.correlation):
                 found[lag.command] = lag
         return [lag for lag in found.values() if lag.correlation != 0.0]
-
-
-def _responses(signals: Mapping[str, FloatArray], step: float) -> dict[str, FloatArray]:
-    """Rate of every channel, and a pose's speed along its heading; the filter is even, so it adds no lag."""
-    rates = {
-        name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), step) for name, v in signals.items()
-    }
-    out = {f"rate of {name}": rate for name, rate in rates.items()}
-    if {"x", "y", "yaw"} <= set(signals):
-        yaw = signals["yaw"]
-        out["forward speed"] = rates["x"] * np.cos(yaw) + rates["y"] * np.sin(yaw)
-    return out

@@ -17,6 +17,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.mjcf import SYSTEM, MjcfSimulator, open_simulator
 from gpsim.recordings import (
+    SUFFIXES,
     TOP_KEYS,
     Guess,
     System,
@@ -34,7 +35,6 @@ from gpsim.stages import import_log
 from gpsim.stages.log_files import digests_read
 from gpsim.stages.stage import Request, Stage
 
-BAGS = (".bag", ".db3", ".mcap", ".mat")
 TABLES = (".csv", ".parquet")
 ASIDE = ("desired", "target", "reference", "planned", "setpoint")
 
@@ -62,10 +62,10 @@ def is_raw(path: Path, simulator: str | None) -> bool:
         return not (path / "recording.yaml").is_file() and (
             is_bag_folder(path) or import_log.holds_logs(path)
         )
-    if path.suffix.lower() in BAGS:
-        return path.is_file()
-    if path.suffix.lower() not in TABLES or not path.is_file():
+    if path.suffix.lower() not in SUFFIXES or not path.is_file():
         return False
+    if path.suffix.lower() not in TABLES:
+        return True
     if path.stem == "recording" and (path.parent / "recording.yaml").is_file():
         return False
     if simulator is None:

@@ -9,7 +9,7 @@ from attacking import impatient
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.recordings import read_yaml
-from gpsim.recordings.table_files import read_frame
+from gpsim.recordings.files import read_frame
 
 META = "system: cartpole\ndt: 0.02\nstate: {x: m}\n"
 

@@ -15,7 +15,7 @@ from gpsim.effects import effect as effect_module
 from gpsim.effects.place import Place
 from gpsim.effects.registry import FAMILIES, register
 from gpsim.recordings.files import _Metadata
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping import parse_mapping
 from gpsim.simulators import make_simulator
 
 ROOT = Path(__file__).resolve().parents[2]

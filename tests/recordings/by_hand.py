@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import FloatArray
-from gpsim.recordings.import_report import ImportReport
 from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping import parse_mapping
 from gpsim.recordings.raw import NamedLog, Series, Topic
-from gpsim.recordings.recording import Recording
 
 
 @dataclass
@@ -24,25 +19,25 @@ class HandLog:
     epoch_ns: int = 0
 
     @property
-    def losses(self) -> Mapping[str, int]:
+    def losses(self):
         return {}
 
-    def topics(self) -> Sequence[Topic]:
+    def topics(self):
         return [
             Topic(name, s.type, len(s.receive), tuple(s.fields), 0.0, 1.0, s.header is not None)
             for name, s in self.contents.items()
         ]
 
-    def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
+    def series(self, wanted):
         return {name: self.contents[name] for name in wanted}
 
 
-def series(topic: str, receive: FloatArray, header: FloatArray | None = None, **fields: FloatArray) -> Series:
+def series(topic, receive, header=None, **fields):
     named = {name.replace("__", "."): np.asarray(values, dtype=np.float64) for name, values in fields.items()}
     return Series(topic, "test", np.asarray(receive, dtype=np.float64), header, named, read=len(receive))
 
 
-def pose_series(t: FloatArray, x: FloatArray, y: FloatArray, yaw: FloatArray, receive: FloatArray) -> Series:
+def pose_series(t, x, y, yaw, receive):
     """A planar pose whose quaternion changes sign at random rows, as drivers do."""
     sign = np.where(np.random.default_rng(1).random(len(t)) < 0.5, -1.0, 1.0)
     zero = np.zeros(len(t))
@@ -82,24 +77,22 @@ class Drive:
     v: float = 0.5
     w: float = 1.3
 
-    def x(self, t: FloatArray) -> FloatArray:
+    def x(self, t):
         return self.v / self.w * np.sin(self.w * t)
 
-    def y(self, t: FloatArray) -> FloatArray:
+    def y(self, t):
         return self.v / self.w * (1.0 - np.cos(self.w * t))
 
-    def pose(self, t: FloatArray, receive: FloatArray | None = None) -> Series:
+    def pose(self, t, receive=None):
         return pose_series(t, self.x(t), self.y(t), self.w * t, t if receive is None else receive)
 
 
-def imported(
-    contents: dict[str, Series], mapping: dict[str, Any], **changes: Any
-) -> tuple[Recording, ImportReport]:
+def imported(contents, mapping, **changes):
     plan = parse_mapping({**mapping, **changes})
     return import_logs([NamedLog("hand", HandLog(contents))], plan, lambda name, one, m: {})
 
 
-def cartpole_table(path: Path, seed: int = 0) -> Path:
+def cartpole_table(path, seed=0):
     t = np.arange(200) * 0.02
     table = pd.DataFrame({"t": t, "x": np.sin(t), "x_dot": np.cos(t), "theta": 0.1 * np.sin(3 * t)})
     force = np.random.default_rng(seed).normal(size=200)

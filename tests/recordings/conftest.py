@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -8,7 +6,7 @@ from by_hand import cartpole_table
 
 
 @pytest.fixture(scope="session")
-def real() -> Path:
+def real():
     """The folder of the real recordings; tests skip where it is absent."""
     beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
     folder = Path(os.environ.get("GPSIM_RECORDINGS", beside))
@@ -20,6 +18,6 @@ def real() -> Path:
 
 
 @pytest.fixture
-def cartpole_log(tmp_path: Path) -> Path:
+def cartpole_log(tmp_path):
     """A table of 200 rows whose columns are called as the cart-pole's channels."""
     return cartpole_table(tmp_path / "log.csv")

@@ -1,7 +1,5 @@
 """A bare table: columns by name, episodes by a column, what may be absent, and one line for every fault."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

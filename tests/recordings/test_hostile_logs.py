@@ -1,19 +1,14 @@
 """Logs and mappings that ask for the impossible: one line that says what, where and what to do, and nothing made."""
 
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from by_hand import UNICYCLE, Drive, imported
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import signals
 from gpsim.recordings.files import read_bare_table, read_recording, write_recording
-from gpsim.recordings.likeness import likely_unit
-from gpsim.recordings.mapping import Smoothing
+from gpsim.recordings.guessing import likely_unit
 from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import import_log, read_logs
 
@@ -35,13 +30,6 @@ def test_more_samples_than_a_computer_holds_are_refused_before_they_are_made(car
     assert "would make" in said
     assert "the limit is 2e+07" in said
     assert not (tmp_path / "out").exists()
-
-
-def test_a_smoothing_grid_that_no_computer_holds_is_refused():
-    t = np.array([0.0, 1e-6, 2e-6, 3e-6, 1e6])
-    assert "too many to differentiate" in refused(signals.even_grid, t)
-    assert len(signals.even_grid(np.arange(5.0))) == 5
-    assert Smoothing().sigma == 2.0
 
 
 def test_a_channel_that_its_scale_makes_absurd_is_refused(cartpole_log):
@@ -106,17 +94,6 @@ def test_a_table_whose_time_goes_back_is_refused_with_its_row(cartpole_log):
     assert "row 1: time goes back, to 3.96 s behind 3.98 s" in refused(read_logs, [cartpole_log], None, WORDS)
 
 
-def test_messages_that_come_late_are_sorted_in_as_before():
-    t = np.arange(0, 10, 0.01)
-    order = np.arange(len(t))
-    order[[500, 501]] = order[[501, 500]]
-    pose = Drive().pose(t[order], t)
-    commands = Drive().pose(np.arange(0, 10, 0.1))
-    cmd = replace(commands, topic="/cmd", fields={"v": np.ones(100), "w": np.ones(100)})
-    _, report = imported({"/pose": pose, "/cmd": cmd}, UNICYCLE)
-    assert report.topics[1].noticed == {"out of order": 1} or report.topics[0].noticed == {"out of order": 1}
-
-
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_a_bare_table_with_a_cell_that_is_no_measurement(tmp_path, suffix):
     t = 0.1 * np.arange(50)
@@ -129,12 +106,6 @@ def test_a_bare_table_with_a_cell_that_is_no_measurement(tmp_path, suffix):
         assert (
             f"episode 0, row 7, column q_dot: {value:g} is no measurement, none is larger than 1e+30" in said
         )
-
-
-def test_a_bare_table_with_two_columns_of_one_name(tmp_path):
-    (tmp_path / "a.csv").write_text("t,q,q_dot,force,q\n0,1,2,3,9\n0.1,1,2,3,9\n")
-    said = refused(read_bare_table, tmp_path / "a.csv", "slider", *SLIDER, {})
-    assert "a.csv: several columns are called 'q' (columns 2, 5)" in said
 
 
 def recording_folder(folder, table, state="{q: m}"):

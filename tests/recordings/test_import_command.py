@@ -1,7 +1,5 @@
 """`gpsim import` as it is typed: what goes to stdout, what aside, and what is said at once."""
 
-from __future__ import annotations
-
 import pandas as pd
 import pytest
 import typer

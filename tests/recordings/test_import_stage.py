@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -7,14 +5,12 @@ import pandas as pd
 import pytest
 import yaml
 from by_hand import cartpole_table
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
-from typer.testing import CliRunner
 
 from gpsim.artifacts.artifact import read_artifact
 from gpsim.artifacts.mishaps import read_warnings
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
+from gpsim.recordings.export import DriveLog, Topics, write_ros2_bag
 from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests
 
 WRITTEN = [
@@ -126,28 +122,10 @@ def test_wrong_mapping_files_end_in_one_line(cartpole_log, tmp_path, content, te
 
 
 def limo_bag(folder, count=300):
-    """A Limo on a circle: vrpn poses at 100 Hz, received 4 ms late; cmd_vel at 10 Hz without stamps."""
-    types = get_typestore(Stores.ROS2_HUMBLE)
-    t = types.types
-    point, quaternion, pose = (t[f"geometry_msgs/msg/{n}"] for n in ("Point", "Quaternion", "Pose"))
-    vector, twist, stamped = (t[f"geometry_msgs/msg/{n}"] for n in ("Vector3", "Twist", "PoseStamped"))
-    header, stamp = t["std_msgs/msg/Header"], t["builtin_interfaces/msg/Time"]
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        poses = writer.add_connection(
-            "/vrpn_client_node/limo/pose", "geometry_msgs/msg/PoseStamped", typestore=types
-        )
-        commands = writer.add_connection("/cmd_vel", "geometry_msgs/msg/Twist", typestore=types)
-        for k in range(count):
-            now, time = 0.01 * k, 1_700_000_000_000_000_000 + 10_000_000 * k
-            if k % 10 == 0:
-                message = twist(vector(0.5, 0.0, 0.0), vector(0.0, 0.0, 1.0))
-                writer.write(commands, time, types.serialize_cdr(message, "geometry_msgs/msg/Twist"))
-            turn = quaternion(0.0, 0.0, float(np.sin(now / 2)), float(np.cos(now / 2)))
-            place = pose(point(0.5 * float(np.sin(now)), 0.5 * (1 - float(np.cos(now))), 0.0), turn)
-            message = stamped(header(stamp(time // 10**9, time % 10**9), "world"), place)
-            writer.write(
-                poses, time + 4_000_000, types.serialize_cdr(message, "geometry_msgs/msg/PoseStamped")
-            )
+    """A Limo on a circle: poses at 100 Hz, cmd_vel at 10 Hz without stamps."""
+    t = 0.01 * np.arange(count)
+    poses = np.stack([0.5 * np.sin(t), 0.5 * (1.0 - np.cos(t)), t], axis=1)
+    write_ros2_bag(folder, DriveLog(t[::10], np.tile([0.5, 1.0], (count // 10, 1)), t, poses), Topics())
     return folder
 
 
@@ -202,28 +180,6 @@ def test_what_inspect_proposes_can_be_saved_and_used(tmp_path):
     recording, _, _ = read_logs([bag], str(tmp_path / "mine.yaml"))
     assert recording.system == "unicycle"
     assert recording.state.names == ("x", "y", "yaw")
-
-
-def test_the_command_line_prints_the_report_and_one_line_errors(cartpole_log, tmp_path):
-    import typer
-    from gpsim.cli.export import export_app
-    from gpsim.cli.import_ import import_command
-
-    app = typer.Typer()
-    app.command("import")(import_command)
-    app.add_typer(export_app, name="export")
-    run = CliRunner()
-    out = tmp_path / "out"
-    result = run.invoke(app, ["import", str(cartpole_log), "system=cartpole", "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    assert "read = kept + dropped" in result.output
-    assert isinstance(run.invoke(app, ["import", str(cartpole_log), "--out", str(out)]).exception, UsageError)
-    assert isinstance(run.invoke(app, ["import", str(cartpole_log)]).exception, UsageError)
-    assert "proposed mapping" in run.invoke(app, ["import", "--inspect", str(cartpole_log)]).output
-    file = tmp_path / "log.mcap"
-    result = run.invoke(app, ["export", "recording", str(out), "--format", "mcap", "--out", str(file)])
-    assert result.exit_code == 0, result.output
-    assert file.is_file()
 
 
 def test_what_lies_beside_the_logs_does_not_count(tmp_path):

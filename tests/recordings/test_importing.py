@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -13,8 +11,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut
 from gpsim.recordings.episodes import hold_out
 from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping import HeldOutRule
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping import HeldOutRule, parse_mapping
 from gpsim.recordings.raw import NamedLog
 from gpsim.reports.import_text import as_text
 

@@ -1,7 +1,5 @@
 """What an empty cell takes with it: its own channel's row, and no other channel's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 
@@ -7,6 +5,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.recordings import open_log
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
 
@@ -71,6 +70,17 @@ def test_the_cart_pole_falls_the_way_its_mapping_says(real):
     fit = np.linalg.lstsq(np.concatenate(rows), np.concatenate(accelerations), rcond=None)[0]
     assert fit[0] == pytest.approx(37.2, rel=0.2)
     assert fit[1] < -1.0
+
+
+def test_every_table_opens_whole(real):
+    paths = sorted(real.rglob("*.csv"))
+    assert len(paths) > 50
+    for path in paths:
+        log = open_log(path)
+        [topic] = log.topics()
+        series = log.series({topic.name: topic.fields})[topic.name]
+        assert series.read == topic.count > 0
+        assert not series.dropped
 
 
 @pytest.mark.usefixtures("own_files")

@@ -1,14 +1,11 @@
 """Clocks put in order, signals on grids, velocities and lags, against closed forms and SciPy."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from gpsim.recordings import clock, signals
@@ -18,16 +15,6 @@ from gpsim.recordings.mapping import Smoothing
 def ordered(t, values=None, burst=False):
     values = np.arange(len(t), dtype=float)[:, None] if values is None else values
     return clock.in_order(np.asarray(t, dtype=float), values, jump=1.0, newest_of_burst=burst)
-
-
-def test_late_messages_are_sorted_in_and_counted():
-    t = np.arange(0, 1, 0.01)
-    swapped = t.copy()
-    swapped[[30, 31, 60, 61]] = t[[31, 30, 61, 60]]
-    made = ordered(swapped)
-    assert np.array_equal(made.t, t)
-    assert dict(made.noticed) == {"out of order": 2}
-    assert not made.dropped
 
 
 def test_duplicates_and_second_values_are_told_apart():
@@ -64,18 +51,6 @@ def test_a_clock_set_back_is_a_restart_and_a_late_message_is_none():
     assert clock.restarts(late) == []
 
 
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 200))
-def test_every_row_is_kept_or_dropped_for_a_reason(seed, count):
-    rng = np.random.default_rng(seed)
-    t = np.round(np.arange(count) * 0.1 + rng.normal(scale=0.1, size=count), 2)
-    t[rng.random(count) < 0.05] += 1e4
-    made = ordered(t, rng.integers(0, 2, size=(count, 1)).astype(float), burst=bool(seed % 2))
-    assert len(made.t) + sum(made.dropped.values()) == count
-    assert (np.diff(made.t) > 0).all()
-    assert np.array_equal(made.t, t[made.rows])
-
-
 @pytest.mark.parametrize("delay", [-0.17, 0.0, 0.043, 0.31])
 def test_a_known_lag_is_found(delay):
     rng = np.random.default_rng(7)
@@ -98,12 +73,6 @@ def test_unrelated_signals_have_no_usable_lag():
 stamps = st.lists(st.floats(0.001, 0.5), min_size=1, max_size=30).map(lambda steps: np.cumsum([0.0, *steps]))
 
 
-def test_a_command_is_the_one_standing_from_t_k_to_t_k_plus_1():
-    given_at, values = np.array([0.0, 0.1, 0.25]), np.array([1.0, 2.0, 3.0])
-    at = np.array([0.0, 0.05, 0.0999, 0.1, 0.2, 0.25, 9.0])
-    assert clock.held(at, given_at, values).tolist() == [1, 1, 1, 2, 2, 3, 3]
-
-
 def test_a_command_at_t_k_counts_at_t_k_despite_rounding_of_absolute_stamps():
     t = 1.7e9 + np.arange(1000) * 0.02
     grid = t[0] + np.arange(1000) / 50.0  # the same times, rounded another way
@@ -120,16 +89,6 @@ def test_the_mean_of_a_held_command_agrees_with_fine_sampling(t, step, seed):
     assert clock.held_mean(at, t, values) == pytest.approx(
         np.array(expected), abs=5e-3 * np.ptp(values) + 1e-6
     )
-
-
-@settings(deadline=None)
-@given(stamps, st.floats(-20, 20), st.floats(-3, 3))
-def test_a_turning_angle_is_interpolated_the_short_way_round(t, start, rate):
-    turning = start + rate * t  # at most 1.5 rad a step
-    wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
-    at = np.linspace(t[0], t[-1], 57)
-    error = clock.linear(at, t, clock.unwrapped(wrapped)) - (start + rate * at)
-    assert np.abs((error + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9
 
 
 def test_quaternions_keep_a_constant_rate_whatever_their_sign():
@@ -180,32 +139,6 @@ def test_gaussian_damping_is_what_theory_says():
     made = signals.derivative(np.sin(rate * T), STEP, smoothing)[50:-50]
     gain = np.exp(-0.5 * (rate * 3.0 * STEP) ** 2) * np.sin(rate * STEP) / (rate * STEP)
     assert made == pytest.approx(gain * rate * np.cos(rate * T)[50:-50], abs=1e-2)
-
-
-def test_edges_are_no_reflection():
-    # A reflected end has slope 0; the one-sided fit keeps the slope of a parabola to first order.
-    slope = signals.derivative(T**2 + T, STEP, GAUSSIAN)
-    assert slope[0] > 0.9
-    assert slope[-1] == pytest.approx(2.0 * T[-1] + 1.0, rel=0.05)
-
-
-def test_savgol_agrees_with_scipy_inside():
-    values = np.random.default_rng(0).normal(size=200).cumsum()
-    expected = savgol_filter(values, 9, 3, deriv=1, delta=STEP)
-    assert signals.derivative(values, STEP, SAVGOL)[4:-4] == pytest.approx(expected[4:-4], rel=1e-9)
-
-
-def test_smoothing_takes_noise_away_and_leaves_the_signal():
-    noise = np.random.default_rng(3).normal(scale=0.01, size=len(T))
-    made = signals.smoothed(np.sin(T) + noise, GAUSSIAN)
-    assert np.std(made - np.sin(T)) < 0.5 * np.std(noise)
-
-
-def test_short_pieces_do_not_fail():
-    for count in range(1, 12):
-        for smoothing in (GAUSSIAN, SAVGOL, PLAIN):
-            assert np.isfinite(signals.derivative(np.arange(count, dtype=float), STEP, smoothing)).all()
-            assert np.isfinite(signals.smoothed(np.arange(count, dtype=float), smoothing)).all()
 
 
 @pytest.mark.parametrize("smoothing", [GAUSSIAN, SAVGOL, PLAIN])

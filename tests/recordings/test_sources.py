@@ -1,10 +1,8 @@
-from __future__ import annotations
-
 import pytest
 from by_hand import HandLog
 
 from gpsim.errors import UsageError
-from gpsim.recordings.raw import find_logs, natural
+from gpsim.recordings.raw import find_logs
 
 
 def opener(path):
@@ -61,7 +59,3 @@ def test_missing_and_empty_places_are_refused(tmp_path):
         find_logs([tmp_path / "none"], "files", "*", opener)
     with pytest.raises(UsageError, match=r"no log files named \*.bag"):
         find_logs([tmp_path], "files", "*.bag", opener)
-
-
-def test_natural_order_survives_odd_digits(tmp_path):
-    assert sorted([tmp_path / "a²", tmp_path / "a2", tmp_path / "a10"], key=natural)[0].name == "a2"

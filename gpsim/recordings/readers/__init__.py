@@ -12,12 +12,11 @@ from pathlib import Path
 from gpsim.errors import UsageError
 from gpsim.recordings.raw import RawLog
 from gpsim.recordings.readers.bag1 import Bag1
+from gpsim.recordings.readers.bags import BagLog
 from gpsim.recordings.readers.damage import one_line
-from gpsim.recordings.readers.definitions import DISTROS
 from gpsim.recordings.readers.folder import Folder
 from gpsim.recordings.readers.matlab import open_matlab
 from gpsim.recordings.readers.mcap import Mcap
-from gpsim.recordings.readers.rosbag import BagLog
 from gpsim.recordings.readers.source import Container
 from gpsim.recordings.readers.sqlite import Sqlite
 from gpsim.recordings.readers.tables import open_csv, open_parquet
@@ -35,15 +34,11 @@ _TABLES: Mapping[str, Callable[[Path, bool], RawLog]] = {
 KINDS = (".bag", *_STORAGE, *_TABLES)
 
 
-def open_log(path: Path, *, salvage: bool = False, distro: str | None = None) -> RawLog:
+def open_log(path: Path, *, salvage: bool = False) -> RawLog:
     """Open a log of any kind.
 
-    salvage: go on behind damage and count what is lost, instead of raising UsageError at the first. distro: the
-    ROS 2 distribution whose message types an old sqlite3 bag without definitions uses (default: what the bag's
-    metadata say, else humble).
+    salvage: go on behind damage and count what is lost, instead of raising UsageError at the first.
     """
-    if distro is not None and distro not in DISTROS:
-        raise UsageError(f"no ROS 2 distribution '{one_line(distro, 40)}'; there are: {', '.join(DISTROS)}")
     try:
         folder = path.is_dir()
         suffix = path.suffix.lower()
@@ -54,7 +49,7 @@ def open_log(path: Path, *, salvage: bool = False, distro: str | None = None) ->
     openers: Mapping[str, Callable[[Path], Container]] = {".bag": Bag1, **_STORAGE}
     if folder or suffix in openers:
         container = Folder(path, _STORAGE) if folder else openers[suffix](path)
-        return BagLog(path, container, salvage=salvage, distro=distro)
+        return BagLog(path, container, salvage=salvage)
     raise UsageError(
         f"{path}: kind of log not known by its name; known are {', '.join(KINDS)} and ROS 2 bag folders"
     )

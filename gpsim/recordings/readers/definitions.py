@@ -27,6 +27,7 @@ MAX_NODES = 2_000
 MAX_NODES_OF_A_LOG = 50_000
 _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*){1,3}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_EMPTY = re.compile(r"\s*(#|$)")
 _IDL_SEPARATOR = "=" * 80 + "\n"
 DISTROS = tuple(store.value.removeprefix("ros2_") for store in Stores if store.value.startswith("ros2_"))
 
@@ -111,25 +112,19 @@ def _parse(stream: Stream) -> Types:
     if not _TYPE_NAME.fullmatch(stream.type):
         raise DamageError(f"{one_line(stream.type, 80)!r} is not a message type name")
     types: dict[str, tuple[Any, Any]] = dict(_types_of(Stores.EMPTY))
+    # Without empty lines and lines of comment: rosbags' parser needs the square of their number in time.
+    lines = (line for line in stream.definition.splitlines() if not _EMPTY.match(line))
+    text = "\n".join(lines) + "\n"
     try:
         if stream.format == "msg":
-            types.update(get_types_from_msg(_condensed(stream.definition), stream.type))
+            types.update(get_types_from_msg(text, stream.type))
         else:
-            text = _condensed(stream.definition)
             parts = [part.partition("\n")[2] for part in text.split(_IDL_SEPARATOR)[1:]]
             for part in parts if text.startswith(f"{_IDL_SEPARATOR}IDL: ") else [text]:
                 types.update(get_types_from_idl(part))
     except Exception as error:  # TypesysError, AssertionError, RecursionError, ValueError, KeyError ...
         raise DamageError(f"definition of {stream.type} cannot be parsed: {one_line(error, 80)}") from error
     return types
-
-
-def _condensed(text: str) -> str:
-    """Without empty lines and lines of comment: rosbags' parser needs the square of their number in time."""
-    return (
-        "\n".join(line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#"))
-        + "\n"
-    )
 
 
 def _reachable(types: Types, root: str) -> dict[str, tuple[Any, Any]]:

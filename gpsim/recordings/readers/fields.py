@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 from rosbags.interfaces import Nodetype
@@ -61,9 +62,23 @@ class Named:
     names: str
     name: str
 
+    def beside(self) -> Callable[[Any], Any]:
+        """From a message to the number; where the name is in the list is remembered while the list says the same."""
+        array, names = attrgetter(self.array), attrgetter(self.names)
+        place = 0
+
+        def get(message: Any) -> Any:
+            nonlocal place
+            held = names(message)
+            if place >= len(held) or held[place] != self.name:
+                place = held.index(self.name)
+            return array(message)[place]
+
+        return get
+
 
 @dataclass(frozen=True)
-class Path:
+class FieldPath:
     """A parsed path: `steps` are attribute names, indices and names, from the message or from the selected element."""
 
     text: str
@@ -71,7 +86,7 @@ class Path:
     steps: tuple[str | int | Named, ...]
 
 
-def parse_path(text: str, types: Types, root: str) -> Path:
+def parse_path(text: str, types: Types, root: str) -> FieldPath:
     """Check a dotted path against a message type; PathError where it does not end at a number."""
     steps: list[str | int | Named] = []
     selection: Selection | None = None
@@ -82,7 +97,11 @@ def parse_path(text: str, types: Types, root: str) -> Path:
             steps.append(index)
             continue
         parent, here = here, _field(here, name, types, text)
-        if where is not None and (named := _named(where, name, here, parent, types)) is not None:
+        key, equals, value = (where or "").partition("=")
+        beside = dict(types[parent[1]][1]).get(key.strip()) if equals else None
+        if beside is not None and _lists(here, _NUMBERS) and _lists(beside, _TEXTS):
+            # `key` is a list of texts beside a list of numbers.
+            named = Named(normalize_fieldname(name), normalize_fieldname(key.strip()), value.strip())
             here = here[1][0]
             steps.append(named)
             continue
@@ -97,7 +116,7 @@ def parse_path(text: str, types: Types, root: str) -> Path:
             steps = []
     if here[0] != Nodetype.BASE or here[1][0] not in _NUMBERS:
         raise PathError(f"{text}: not a number; it leads to {_name(here)}")
-    return Path(text, selection, tuple(steps))
+    return FieldPath(text, selection, tuple(steps))
 
 
 def _segments(text: str) -> list[tuple[int | None, str, str | None]]:
@@ -139,15 +158,6 @@ def _element(here: Any, text: str, index: int | None) -> Any:
             f"[name=elbow]; this is {_name(here)}"
         )
     return inner
-
-
-def _named(where: str, array: str, here: Any, parent: Any, types: Types) -> Named | None:
-    """What `array[key=value]` asks for where `key` is a list of texts beside a list of numbers; else None."""
-    key, equals, value = where.partition("=")
-    beside = dict(types[parent[1]][1]).get(key.strip())
-    if not equals or beside is None or not (_lists(here, _NUMBERS) and _lists(beside, _TEXTS)):
-        return None
-    return Named(normalize_fieldname(array), normalize_fieldname(key.strip()), value.strip())
 
 
 def _lists(here: Any, kinds: frozenset[str]) -> bool:
@@ -226,9 +236,8 @@ def _paths(types: Types, here: Any, prefix: str, samples: list[Any], selects: bo
                 continue
             place = f"{prefix}.{name}" if prefix else name
             below = [getattr(sample, normalize_fieldname(name)) for sample in samples]
-            if held and _lists(
-                description, _NUMBERS
-            ):  # the names for which a message has a number in this list
+            if held and _lists(description, _NUMBERS):
+                # The names for which a message has a number in this list.
                 named = [[str(n) for n in getattr(s, normalize_fieldname(key))] for s in samples]
                 there = {n for ns, numbers in zip(named, below, strict=True) for n in ns[: len(numbers)]}
                 yield from (f"{place}[{key}={n}]" for n in held if n in there)
@@ -254,7 +263,10 @@ def _array_paths(types: Types, here: Any, prefix: str, samples: list[Any], selec
     kind, (inner, length) = here
     if kind == Nodetype.SEQUENCE:
         length = max((len(sample) for sample in samples), default=0)
-    key = _selector_key(types, inner) if kind == Nodetype.SEQUENCE and selects else None
+    key = None
+    if kind == Nodetype.SEQUENCE and selects and inner[0] == Nodetype.NAME:
+        texts = {name for name, d in types[inner[1]][1] if d[0] == Nodetype.BASE and d[1][0] == "string"}
+        key = next((name for name in _SELECTOR_KEYS if name in texts), None)
     elements = [element for sample in samples for element in sample] if key is not None else []
     values = sorted({str(getattr(element, key)) for element in elements}) if key is not None else []
     if key is not None and all(_SELECTABLE.fullmatch(value) and value.isprintable() for value in values):
@@ -265,10 +277,3 @@ def _array_paths(types: Types, here: Any, prefix: str, samples: list[Any], selec
         for index in range(length):
             below = [sample[index] for sample in samples if len(sample) > index]
             yield from _paths(types, inner, f"{prefix}.{index}", below, False)
-
-
-def _selector_key(types: Types, inner: Any) -> str | None:
-    if inner[0] != Nodetype.NAME:
-        return None
-    texts = {name for name, d in types[inner[1]][1] if d[0] == Nodetype.BASE and d[1][0] == "string"}
-    return next((key for key in _SELECTOR_KEYS if key in texts), None)

@@ -21,7 +21,7 @@ from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.limits import MATLAB_BYTES, allowed, more
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.table_log import Rows, Table, TableLog
+from gpsim.recordings.readers.tables import Rows, Table, TableLog
 from gpsim.recordings.values import check_columns
 
 _HEADER = 128
@@ -34,7 +34,8 @@ _NUMBER = 8  # bytes
 class _Room:
     """Bytes that may be made of a file yet."""
 
-    def __init__(self) -> None:
+    def __init__(self, order: str) -> None:
+        self.order = order
         self.limit = self.left = allowed(MATLAB_BYTES)
 
     def take(self, count: float) -> None:
@@ -43,6 +44,46 @@ class _Room:
         if self.left < 0:
             raise DamageError(f"its variables take more than {self.limit} bytes; {more()}")
 
+    def matrix(self, body: bytes, depth: int) -> None:
+        """One variable, or a field or cell of one; what is damaged in it scipy finds."""
+        if depth > _DEEPEST:
+            raise DamageError(f"its variables hold each other more than {_DEEPEST} deep")
+        flags, position = self._element(body, 0)
+        dims, position = self._element(body, position)
+        _, position = self._element(body, position)
+        if len(flags) < 4:
+            return
+        kind = struct.unpack(f"{self.order}I", flags[:4])[0] & 0xFF
+        sizes = struct.unpack(f"{self.order}{len(dims) // 4}i", dims[: len(dims) // 4 * 4])
+        count, fields = math.prod(max(0, size) for size in sizes), 1
+        if kind in (_STRUCT, _OBJECT):
+            if kind == _OBJECT:
+                _, position = self._element(body, position)
+            longest, position = self._element(body, position)
+            names, position = self._element(body, position)
+            width = struct.unpack(f"{self.order}i", longest[:4])[0] if len(longest) >= 4 else 0
+            fields = len(names) // width if width > 0 else 0
+        self.take(_NUMBER * count * max(1, fields))
+        if kind not in (_CELL, _STRUCT, _OBJECT):
+            return
+        if count * max(1, fields) * 8 > len(body):
+            raise DamageError(f"a variable of {len(body)} bytes declares {count} cells or structs")
+        while position + 8 <= len(body):
+            kind = struct.unpack_from(f"{self.order}I", body, position)[0]
+            inner, position = self._element(body, position)
+            if kind == _MATRIX:
+                self.matrix(inner, depth + 1)
+
+    def _element(self, body: bytes, position: int) -> tuple[bytes, int]:
+        """(the data of the element at a place, where the next begins); of what is not there nothing."""
+        if position + 8 > len(body):
+            return b"", len(body)
+        kind, length = struct.unpack_from(f"{self.order}II", body, position)
+        if kind >> 16:  # a small one: its length beside its kind, its data behind
+            return body[position + 4 : position + 4 + min(4, kind >> 16)], position + 8
+        data = body[position + 8 : position + 8 + length]
+        return data, position + 8 + length + (0 if kind == _MATRIX else -length % 8)
+
 
 def check_matlab(path: Path, size: int) -> None:
     """DamageError where a file of `size` bytes makes more than it may; what is no v5 file is scipy's to refuse."""
@@ -50,75 +91,26 @@ def check_matlab(path: Path, size: int) -> None:
         head = file.read(_HEADER)
         if not head.startswith(b"MATLAB 5.0") or head[126:128] not in (b"IM", b"MI"):
             return
-        order = "<" if head[126:128] == b"IM" else ">"
-        position, room = _HEADER, _Room()
+        room = _Room("<" if head[126:128] == b"IM" else ">")
+        position = _HEADER
         while position + 8 <= size:
             file.seek(position)
-            kind, length = struct.unpack(f"{order}II", file.read(8))
-            if position + 8 + length > size:
-                raise DamageError(f"byte {position}: a variable of {length} bytes reaches beyond the file")
-            if kind == _COMPRESSED:
-                raw = _expanded(file.read(length), room.left)
-                kind, _ = struct.unpack_from(f"{order}II", raw.ljust(8, b"\0"))
+            kind, length = struct.unpack(f"{room.order}II", file.read(8))
+            position += 8 + length
+            if position > size:
+                begin = position - 8 - length
+                raise DamageError(f"byte {begin}: a variable of {length} bytes reaches beyond the file")
+            body = file.read(length)
+            if kind == _COMPRESSED:  # of which at most one byte more than the limit is made
+                try:
+                    raw = zlib.decompressobj().decompress(body, 8 + room.left + 1)
+                except zlib.error as error:
+                    raise DamageError(f"a compressed variable is damaged: {error}") from error
+                kind, _ = struct.unpack_from(f"{room.order}II", raw.ljust(8, b"\0"))
                 body = raw[8:]
-            else:
-                body = file.read(length)
             room.take(len(body))
             if kind == _MATRIX:
-                _matrix(body, order, room, 0)
-            position += 8 + length
-
-
-def _expanded(data: bytes, limit: int) -> bytes:
-    """The eight bytes that say what it is, and at most one byte more than the limit behind them."""
-    try:
-        return zlib.decompressobj().decompress(data, 8 + limit + 1)
-    except zlib.error as error:
-        raise DamageError(f"a compressed variable is damaged: {error}") from error
-
-
-def _matrix(body: bytes, order: str, room: _Room, depth: int) -> None:
-    """One variable, or a field or cell of one; what is damaged in it scipy finds."""
-    if depth > _DEEPEST:
-        raise DamageError(f"its variables hold each other more than {_DEEPEST} deep")
-    flags, position = _element(body, 0, order)
-    dims, position = _element(body, position, order)
-    _, position = _element(body, position, order)
-    if len(flags) < 4:
-        return
-    (word,) = struct.unpack(f"{order}I", flags[:4])
-    count = math.prod(
-        max(0, d) for d in struct.unpack(f"{order}{len(dims) // 4}i", dims[: len(dims) // 4 * 4])
-    )
-    fields = 1
-    if word & 0xFF in (_STRUCT, _OBJECT):
-        if word & 0xFF == _OBJECT:
-            _, position = _element(body, position, order)
-        longest, position = _element(body, position, order)
-        names, position = _element(body, position, order)
-        width = struct.unpack(f"{order}i", longest[:4])[0] if len(longest) >= 4 else 0
-        fields = len(names) // width if width > 0 else 0
-    room.take(_NUMBER * count * max(1, fields))
-    if word & 0xFF not in (_CELL, _STRUCT, _OBJECT):
-        return
-    if count * max(1, fields) * 8 > len(body):
-        raise DamageError(f"a variable of {len(body)} bytes declares {count} cells or structs")
-    while position + 8 <= len(body):
-        kind = struct.unpack_from(f"{order}I", body, position)[0]
-        inner, position = _element(body, position, order)
-        if kind == _MATRIX:
-            _matrix(inner, order, room, depth + 1)
-
-
-def _element(body: bytes, position: int, order: str) -> tuple[bytes, int]:
-    """(the data of the element at a place, where the next begins); of what is not there nothing."""
-    if position + 8 > len(body):
-        return b"", len(body)
-    kind, length = struct.unpack_from(f"{order}II", body, position)
-    if kind >> 16:  # a small one: its length beside its kind, its data behind
-        return body[position + 4 : position + 4 + min(4, kind >> 16)], position + 8
-    data = body[position + 8 : position + 8 + length]
-    return data, position + 8 + length + (0 if kind == _MATRIX else -length % 8)
+                room.matrix(body, 0)
 
 
 _MAX_COLUMNS = 64
@@ -151,7 +143,7 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
         raise refusal(path, "MATLAB file", "it holds no numeric arrays")
     names = [path.stem, *(f"{path.stem}.{rows}" for rows in sizes[1:])]
     made = [
-        Table(name, "table", tuple(tables[rows]), rows, partial(_rows, tables[rows]))
+        Table(name, tuple(tables[rows]), rows, partial(_rows, tables[rows]))
         for name, rows in zip(names, sizes, strict=True)
     ]
     return TableLog(path, made, salvage=salvage)

@@ -1,23 +1,22 @@
-"""Bytes that are never read outside their bounds, whatever length a file declares."""
+"""What every bag is made of: streams of messages, in a file whose declared lengths are never believed."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import BinaryIO, Literal, Protocol
+from typing import Any, BinaryIO, Literal, Protocol
 
-import numpy as np
-import pandas as pd
-
-from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
 from gpsim.limits import BYTES_A_MESSAGE, CHUNKS_BYTES, CHUNKS_GROWTH, EMPTY, MESSAGES, allowed, more
 from gpsim.recordings.readers.damage import DamageError, Ledger
 from gpsim.recordings.values import fault_of, one_line
 
-_FIRST = 1 << 12
-_SEARCH = 1 << 20
+DefinitionFormat = Literal["msg", "idl", "none"]
+Message = tuple[int, int, bytes]
+"""(stream id, receive time [ns since 1970], serialised message)."""
+LATEST = 2**62
+"""A receive time [ns] no message can have: in the year 2116."""
 _WINDOW = 1 << 16  # bytes that are fetched at once: records are short and follow each other
 
 
@@ -44,46 +43,13 @@ class Source:
             raise DamageError(f"{count} bytes are declared at {offset}, {len(found)} can be read")
         return found
 
-    def find(self, pattern: bytes, start: int) -> int:
-        """Offset of the next `pattern` at or after `start`; -1 without one."""
-        for offset, window in self.windows(start, len(pattern)):
-            found = window.find(pattern)
-            if found >= 0:
-                return offset + found
-        return -1
-
     def windows(self, start: int, overlap: int) -> Iterator[tuple[int, bytes]]:
         """(offset, bytes) of consecutive pieces that overlap by `overlap` bytes: first 4 KiB, then up to 1 MiB."""
-        length = _FIRST
+        length = 1 << 12
         while start < self.size:
             yield start, self.read(start, min(length + overlap, self.size - start))
             start += length
-            length = min(4 * length, _SEARCH)
-
-
-class Codes:
-    """Texts as 0, 1, 2 ... in the order in which they first appear, over all the pieces of a column."""
-
-    def __init__(self) -> None:
-        self.known: dict[str, int] = {}
-
-    def of(self, column: pd.Series) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
-        empty = column.isna().to_numpy(dtype=np.bool_)
-        held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
-        order = held.codes.drop_duplicates().tolist()
-        code = np.full(len(held.categories), np.nan)
-        for at in order:
-            word = str(held.categories[at]).strip()
-            code[at] = self.known.setdefault(word, len(self.known))
-        codes = np.full(len(column), np.nan)
-        codes[~empty] = code[held.codes.to_numpy()]
-        return codes, empty, np.zeros(len(column), dtype=np.bool_)
-
-
-DefinitionFormat = Literal["msg", "idl", "none"]
-Message = tuple[int, int, bytes]
-"""(stream id, receive time [ns since 1970], serialised message)."""
+            length = min(4 * length, 1 << 20)
 
 
 @dataclass(frozen=True)
@@ -108,10 +74,6 @@ class Stream:
     fault: str = ""
 
 
-LATEST = 2**62
-"""A receive time [ns] no message can have: in the year 2116."""
-
-
 def topic_name(raw: bytes | str) -> tuple[str, str]:
     """(a topic's name, why it is none): a name that cannot be shown in a line stands between quotes, with a fault."""
     try:
@@ -120,6 +82,42 @@ def topic_name(raw: bytes | str) -> tuple[str, str]:
         return f"'{one_line(raw, 60)}'", "its name is no text"
     fault = fault_of(name)
     return (name, "") if not fault else (f"'{one_line(name, 60)}'", f"its name {fault}")
+
+
+@dataclass
+class Catalogue:
+    """Streams by id and what is known of their messages.
+
+    tallies: number, first and last receive time [ns]; counts: numbers that are told elsewhere, and hold; chunks: the
+    streams in the chunk that begins at a byte; schemas: what streams refer to (MCAP); listing: whether the streams are
+    what is looked for.
+    """
+
+    streams: dict[int, Stream] = field(default_factory=dict)
+    tallies: dict[int, tuple[int, int, int]] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    chunks: dict[int, frozenset[int]] = field(default_factory=dict)
+    schemas: dict[int, Any] = field(default_factory=dict)
+    listing: bool = False
+
+    def tally(self, stream: int, count: int, start: int, end: int) -> None:
+        """Count more messages."""
+        known = self.tallies.get(stream, (0, start, end))
+        self.tallies[stream] = (known[0] + count, min(known[1], start), max(known[2], end))
+
+    def add(self, stream: Stream) -> None:
+        """Note a stream; the first description of it that can be used stays."""
+        known = self.streams.get(stream.id)
+        if known is None or (known.fault and not stream.fault):
+            self.streams[stream.id] = stream
+
+    def result(self) -> list[Stream]:
+        """The streams with their counts and times."""
+        found = []
+        for stream in self.streams.values():
+            count, start, end = self.tallies.get(stream.id, (0, None, None))
+            found.append(replace(stream, count=self.counts.get(stream.id, count), start=start, end=end))
+        return found
 
 
 class Container(Protocol):

@@ -11,7 +11,6 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsim.recordings.readers.chunked import Catalogue
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
     DamageError,
@@ -21,7 +20,7 @@ from gpsim.recordings.readers.damage import (
     regular_file,
     wrong_kind,
 )
-from gpsim.recordings.readers.source import LATEST, DefinitionFormat, Message, Stream, topic_name
+from gpsim.recordings.readers.source import LATEST, Catalogue, DefinitionFormat, Message, Stream, topic_name
 
 _MAGIC = b"SQLite format 3\x00"
 _FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}
@@ -30,6 +29,7 @@ _MESSAGES = ("topic_id", "timestamp", "data")
 _SINGLE_STEPS = 50
 _SMALLEST_ROW = 8
 _LAST_ROW = 2**62
+_FAULTS = (sqlite3.Error, DamageError, OverflowError, MemoryError)
 
 
 @dataclass
@@ -65,63 +65,59 @@ class Sqlite:
                 base.execute("PRAGMA writable_schema=ON")
             # A page tree can be bent so that one page counts a billion times: no honest file needs more steps.
             left = [100 + self.size // 20_000]
-            base.set_progress_handler(lambda: _spend(left), 100_000)
+
+            def spend() -> int:
+                left[0] -= 1
+                return int(left[0] < 0)
+
+            base.set_progress_handler(spend, 100_000)
             yield base
 
     def streams(self, ledger: Ledger) -> Sequence[Stream]:
         """The rows of the table `topics`, counted in the table `messages`."""
         unwritten = self.path.with_name(f"{self.path.name}-wal")
         if unwritten.is_file() and unwritten.stat().st_size:
-            ledger.lost(
-                f"messages in {unwritten.name} were never written into the bag (sqlite3 would do it)",
-                "byte 0",
-            )
+            what = f"messages in {unwritten.name} were never written into the bag (sqlite3 would do it)"
+            ledger.lost(what, "byte 0")
+        streams: list[Stream] = []
         try:
             with self._open(salvage=ledger.salvage) as base:
                 self._check_tables(base)
                 known = _definitions(base, ledger)
                 rows = base.execute(f"SELECT {', '.join(_TOPICS)} FROM topics ORDER BY +id").fetchall()
-        except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
-            ledger.lost(f"sqlite3 bag cannot be read: {one_line(error)}", "table topics")
+        except _FAULTS as error:
+            reason = f"sqlite3 bag cannot be read: {one_line(error)}"
+            ledger.lost(reason, "table topics")
             # Salvage has nothing to offer where the schema or the topics cannot be read.
-            raise refusal(
-                self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}"
-            ) from error
-        streams: list[Stream] = []
+            raise refusal(self.path, "table topics", reason) from error
         for row in rows:
             try:
                 streams.append(_stream(row, known))
             except DamageError as error:
                 ledger.lost(error.reason, "table topics")
-        return self._counted(streams, ledger)
-
-    def _check_tables(self, base: sqlite3.Connection) -> None:
-        tables = {
-            _text(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type='table'")
-        }
-        for table, columns in (("topics", _TOPICS), ("messages", _MESSAGES)):
-            there = {_text(row[1]) for row in base.execute(f"PRAGMA table_xinfo({table})") if row[6] == 0}
-            if table not in tables or not set(columns) <= there:
-                raise wrong_kind(
-                    self.path, "a ROS 2 bag", f"it has no table {table} with {', '.join(columns)}"
-                )
-
-    def _counted(self, streams: list[Stream], ledger: Ledger) -> list[Stream]:
         found = Catalogue({s.id: s for s in streams})
         try:
             with self._open(salvage=ledger.salvage) as base:
                 query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY +topic_id"
                 for topic, count, start, end in base.execute(query).fetchall():
-                    found.tally(topic).add(count, _time(start), _time(end))
-        except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
+                    found.tally(topic, count, _time(start), _time(end))
+        except _FAULTS as error:
             ledger.lost(f"messages cannot be counted: {one_line(error)}", "table messages")
             found.tallies.clear()
             for topic, stamp, _ in self._rows(None, ledger.silent()):
-                found.tally(topic).add(1, stamp, stamp)
-        orphans = sum(tally.count for topic, tally in found.tallies.items() if topic not in found.streams)
+                found.tally(topic, 1, stamp, stamp)
+        orphans = sum(tally[0] for topic, tally in found.tallies.items() if topic not in found.streams)
         if orphans:
             ledger.lost(f"{orphans} messages belong to no topic", "table messages")
         return found.result()
+
+    def _check_tables(self, base: sqlite3.Connection) -> None:
+        names = base.execute("SELECT name FROM sqlite_master WHERE type='table'")
+        tables = {_text(name) for (name,) in names}
+        for table, columns in (("topics", _TOPICS), ("messages", _MESSAGES)):
+            if table not in tables or not set(columns) <= _columns(base, table):
+                what = f"it has no table {table} with {', '.join(columns)}"
+                raise wrong_kind(self.path, "a ROS 2 bag", what)
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted topics in file order."""
@@ -156,9 +152,8 @@ class Sqlite:
                     last += 1 if failures < _SINGLE_STEPS else 2 ** (failures - _SINGLE_STEPS)
 
 
-def _spend(left: list[int]) -> int:
-    left[0] -= 1
-    return int(left[0] < 0)
+def _columns(base: sqlite3.Connection, table: str) -> set[str]:
+    return {_text(row[1]) for row in base.execute(f"PRAGMA table_xinfo({table})") if row[6] == 0}
 
 
 def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionFormat]]) -> Stream:
@@ -176,14 +171,12 @@ def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionForma
 
 def _definitions(base: sqlite3.Connection, ledger: Ledger) -> dict[str, tuple[str, DefinitionFormat]]:
     """Definitions by type, which bags hold since ROS 2 Iron; empty in older ones."""
-    there = {_text(row[1]) for row in base.execute("PRAGMA table_xinfo(message_definitions)") if row[6] == 0}
-    if not {"topic_type", "encoding", "encoded_message_definition"} <= there:
+    names = ("topic_type", "encoding", "encoded_message_definition")
+    if not set(names) <= _columns(base, "message_definitions"):
         return {}
     known: dict[str, tuple[str, DefinitionFormat]] = {}
     try:
-        for row in base.execute(
-            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        ):
+        for row in base.execute(f"SELECT {', '.join(names)} FROM message_definitions"):
             try:
                 kind, form, definition = (_text(value) for value in row)
             except DamageError:  # concerns the topics of this type only: they have no definition

@@ -1,10 +1,15 @@
-"""CSV (any separator, comments in front) and Parquet, read in pieces of 65 536 rows."""
+"""CSV (any separator, comments in front) and Parquet, read in pieces of 65 536 rows.
+
+How a text table is written (comment lines, separator, decimal mark, header) is judged by the file's beginning.
+"""
 
 from __future__ import annotations
 
+import difflib
+import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,14 +21,218 @@ import pyarrow.parquet as pq
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
+from gpsim.recordings.files import PARQUET, check_parquet, check_width, is_text
+from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.source import Codes
-from gpsim.recordings.readers.table_log import Layout, Rows, Table, TableLog, cells, is_number, read_layout
-from gpsim.recordings.table_files import PARQUET, check_parquet, check_width, is_text
-from gpsim.recordings.values import check_columns
+from gpsim.recordings.values import LONGEST_LINE, cells_of, check_columns
 
+_HEAD = 1 << 18
 _PIECE = 65_536
 _LOOK = 2_000
+_SHOWN = 20
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf(inity)?|true|false)", re.IGNORECASE
+)
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Columns of a table: (N,) values each; empty cells are NaN and counted in `absent`."""
+
+    values: Mapping[str, FloatArray]
+    absent: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table of a file: its numeric columns, how many rows.
+
+    texts: columns of text, which `read` gives as codes.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    rows: int
+    read: Callable[[Sequence[str], Ledger], Rows]
+    texts: tuple[str, ...] = ()
+
+
+class TableLog:
+    """The tables of one file. Times are whatever the columns hold, so epoch_ns is 0."""
+
+    epoch_ns = 0
+
+    def __init__(self, path: Path, tables: Sequence[Table], *, salvage: bool) -> None:
+        self.path = path
+        self._tables = {table.name: table for table in tables}
+        self.ledger = Ledger(path, salvage=salvage)
+
+    @property
+    def losses(self) -> Mapping[str, int]:
+        """Pieces of the file that could not be read (salvage only), by reason."""
+        return self.ledger.pieces()
+
+    def topics(self) -> Sequence[Topic]:
+        """The tables, without times: which column tells the time is for the mapping to say."""
+        return tuple(
+            Topic(t.name, "table", t.rows, t.columns, None, None, has_header=False, texts=t.texts)
+            for t in self._tables.values()
+        )
+
+    def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
+        """The wanted columns by table; see RawLog."""
+        return {name: self._series(name, tuple(dict.fromkeys(columns))) for name, columns in wanted.items()}
+
+    def _series(self, name: str, columns: Sequence[str]) -> Series:
+        if name not in self._tables:
+            there = ", ".join(self._tables)
+            raise UsageError(f"{self.path}: no table '{one_line(name)}'; there are: {there}")
+        table = self._tables[name]
+        for column in columns:
+            if column not in (*table.columns, *table.texts):
+                close = difflib.get_close_matches(column, table.columns, 3, 0.5) or table.columns[:_SHOWN]
+                there = ", ".join(close) or "none"
+                said = f"no numeric column '{one_line(column, 80)}'; there are: {there}"
+                raise UsageError(f"{self.path}: {said}")
+        ledger = self.ledger.same()
+        rows = table.read(columns, ledger)
+        count = min((len(v) for v in rows.values.values()), default=0)
+        absent = {column: empty for column, empty in rows.absent.items() if empty}
+        receive = np.full(count, np.nan)
+        return Series(name, "table", receive, None, rows.values, count, ledger.of(name), absent)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """skip: lines before the data (comments, header); names: the header's cells; rows: lines of data.
+
+    comments: numbers of the lines that are comments, where a # stands in cells, too; None where it begins one anywhere.
+    texts: columns that hold words, not numbers; empty until the cells have been looked at.
+    """
+
+    skip: int
+    separator: str
+    decimal: str
+    encoding: str
+    names: tuple[str, ...]
+    rows: int
+    last_line: str
+    comments: tuple[int, ...] | None = None
+    texts: tuple[str, ...] = ()
+
+
+def read_layout(path: Path) -> Layout:
+    """Look at the file; DamageError when it is no text table."""
+    lines_there, last = _count_lines(path)
+    with path.open("rb") as file:
+        raw = file.read(_HEAD)
+    encoding = "utf-8-sig"
+    try:
+        raw[: raw.rfind(b"\n") + 1].decode(encoding)
+    except UnicodeDecodeError:
+        encoding = "latin-1"
+    lines = raw.decode(encoding, errors="replace").splitlines()
+    if len(raw) == _HEAD:
+        lines = lines[:-1]
+    first = next((i for i, s in enumerate(lines) if s.strip() and not _is_comment(s)), len(lines))
+    whole = [line for line in lines[first:] if line.strip()]
+    body = whole[:40]
+    if not body:
+        raise DamageError("the file holds no table, only comments or empty lines")
+    separator = _separator(body)
+    names, header = _header(lines[:first], body, separator)
+    return Layout(
+        skip=first + header,
+        separator=separator,
+        decimal=_decimal(whole[header:], separator),
+        encoding=encoding,
+        names=tuple(name or f"column_{i}" for i, name in enumerate(names)),  # an index that was written along
+        rows=max(0, lines_there - header),
+        last_line=last.decode(encoding, "replace"),
+        comments=_comments(path, encoding, separator, len(names)),
+    )
+
+
+def _count_lines(path: Path) -> tuple[int, bytes]:
+    """(lines that are neither blank nor comment, the last of them); DamageError at what no text table has."""
+    count, last = 0, b""
+    with path.open("rb") as file:
+        while line := file.readline(LONGEST_LINE + 1):
+            begin = file.tell() - len(line)
+            if len(line) > LONGEST_LINE:
+                raise DamageError(f"a line at byte {begin} is longer than {LONGEST_LINE} bytes")
+            if b"\0" in line:
+                place = begin + line.index(0)
+                raise DamageError(f"byte {place} is zero, so this is no UTF-8 text table")
+            if line.strip() and not line.lstrip().startswith((b"#", b"%")):
+                count, last = count + 1, line
+    return count, last
+
+
+def _comments(path: Path, encoding: str, separator: str, count: int) -> tuple[int, ...] | None:
+    """Lines that are comments, where some line of data has a # before its last cell; None where none has."""
+    found, in_cells = [], False
+    with path.open(encoding=encoding, errors="replace") as file:
+        for number, line in enumerate(file):
+            if _is_comment(line):
+                found.append(number)
+            elif "#" in line:
+                in_cells |= len(_cells(line[: line.index("#")], separator)) < count
+    return tuple(found) if in_cells else None
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith(("#", "%"))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """A line's cells without quotes."""
+    if separator == r"\s+":
+        return [part.strip('"').strip() for part in line.split()]
+    return cells_of(line.strip("\r\n"), separator)
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell holds a number, as any program writes it."""
+    return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell))
+
+
+def _separator(body: list[str]) -> str:
+    """The candidate that cuts most lines into the same number of cells."""
+    best, share = r"\s+", 0.0
+    for candidate in (",", ";", "\t", "|"):
+        counts = [line.count(candidate) for line in body]
+        usual = max(set(counts), key=counts.count)
+        agreeing = counts.count(usual) / len(counts)
+        if usual > 0 and agreeing > share:
+            best, share = candidate, agreeing
+    return best
+
+
+def _decimal(body: list[str], separator: str) -> str:
+    """The mark that numbers are written with; DamageError where commas are thousands separators."""
+    if separator == ",":
+        return "."
+    found = [cell for line in body for cell in _cells(line, separator)]
+    commas = [cell for cell in found if _COMMA_NUMBER.fullmatch(cell)]
+    if commas and any(_POINT_NUMBER.fullmatch(cell) for cell in found):
+        beside = f"{one_line(commas[0], 40)!r} beside numbers with a decimal point"
+        raise DamageError(f"{beside}; write numbers without thousands separators")
+    return "," if commas else "."
+
+
+def _header(comments: list[str], body: list[str], separator: str) -> tuple[Sequence[str], int]:
+    """(column names, how many lines of the body the header takes)."""
+    first = _cells(body[0], separator)
+    if any(cell and not _is_number(cell) for cell in first):
+        return first, 1
+    for line in reversed(comments):
+        names = _cells(line.strip().lstrip("#%"), separator)
+        if len(names) == len(first) and all(name and not _is_number(name) for name in names):
+            return names, 0
+    return [""] * len(first), 0
 
 
 def open_csv(path: Path, salvage: bool) -> TableLog:
@@ -36,12 +245,12 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
         columns, texts = _kinds_of_columns(path, layout)
     except (DamageError, OSError) as error:
         raise refusal(path, "table", one_line(error)) from error
-    count = len(cells(layout.last_line, layout.separator))
+    count = len(_cells(layout.last_line, layout.separator))
     cut = layout.rows > 1 and 0 < count < len(layout.names)
     read = partial(_read_csv, path, replace(layout, texts=texts), cut)
-    log = TableLog(path, [Table(path.stem, "table", columns, layout.rows, read, texts)], salvage=salvage)
+    log = TableLog(path, [Table(path.stem, columns, layout.rows, read, texts)], salvage=salvage)
     if cut:
-        log.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
+        log.ledger.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
     return log
 
 
@@ -77,17 +286,16 @@ def _kinds_of_columns(path: Path, layout: Layout) -> tuple[tuple[str, ...], tupl
 
     Of a numeric column at least half of the first rows' filled cells are numbers; what begins later may be one.
     """
+    empty = pd.DataFrame(columns=list(layout.names))
     try:
-        table = next(
-            iter(_pieces(path, layout, layout.names, _LOOK)), pd.DataFrame(columns=list(layout.names))
-        )
+        table = next(iter(_pieces(path, layout, layout.names, _LOOK)), empty)
     except Exception as error:
         raise DamageError(f"not a table: {one_line(error, 120)}") from error
     numeric, texts = [], []
     for name in layout.names:
         column = table[name].dropna()
         numbers = pd.api.types.is_numeric_dtype(column) or (
-            len(column) > 0 and sum(is_number(str(cell).strip()) for cell in column) * 2 >= len(column)
+            len(column) > 0 and sum(_is_number(str(cell).strip()) for cell in column) * 2 >= len(column)
         )
         if numbers if len(column) else layout.rows > _LOOK:
             numeric.append(name)
@@ -109,12 +317,16 @@ def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], led
                 name: texts[name].of(rows[name]) if name in texts else _numbers(rows[name], layout.decimal)
                 for name in columns
             }
-            good = _good_rows(
-                rows, {name: bad for name, (_, _, bad) in read.items()}, first, path.stem, ledger
-            )
+            # A row with several cells that are no numbers is lost once.
+            out = np.logical_or.reduce([np.zeros(len(rows), np.bool_), *(bad for _, _, bad in read.values())])
+            if out.any():
+                row = int(np.flatnonzero(out)[0])
+                name = next(name for name, (_, _, bad) in read.items() if bad[row])
+                where = f"line {first + row}, column {name}: {one_line(rows[name].iloc[row], 40)!r}"
+                ledger.lost("a cell is not a number", where, path.stem, int(out.sum()))
             for name, (values, empty, _) in read.items():
                 absent[name] += int(empty.sum())
-                kept[name].append(values[good])
+                kept[name].append(values[~out])
             first += len(piece)
     except (
         pd.errors.ParserError,
@@ -143,20 +355,22 @@ def _with_last(pieces: Iterator[pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, b
         piece = following
 
 
-def _good_rows(
-    rows: pd.DataFrame, bad: Mapping[str, BoolArray], first: int, topic: str, ledger: Ledger
-) -> BoolArray:
-    """(N,) rows whose cells are all numbers; a row with several that are none is lost once. first: its line."""
-    out = np.zeros(len(rows), dtype=np.bool_)
-    for wrong in bad.values():
-        out |= wrong
-    if out.any():
-        row = int(np.flatnonzero(out)[0])
-        name = next(name for name, wrong in bad.items() if wrong[row])
-        cell = one_line(rows[name].iloc[row], 40)
-        where = f"line {first + row}, column {name}: {cell!r}"
-        ledger.lost("a cell is not a number", where, topic, int(out.sum()))
-    return ~out
+class Codes:
+    """Texts as 0, 1, 2 ... in the order in which they first appear, over all the pieces of a column."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, int] = {}
+
+    def of(self, column: pd.Series) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
+        empty = column.isna().to_numpy(dtype=np.bool_)
+        held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
+        code = np.full(len(held.categories), np.nan)
+        for at in held.codes.drop_duplicates().tolist():
+            code[at] = self.known.setdefault(str(held.categories[at]).strip(), len(self.known))
+        codes = np.full(len(column), np.nan)
+        codes[~empty] = code[held.codes.to_numpy()]
+        return codes, empty, np.zeros(len(column), dtype=np.bool_)
 
 
 def _numbers(column: Any, decimal: str) -> tuple[FloatArray, BoolArray, BoolArray]:
@@ -175,11 +389,13 @@ def _numbers(column: Any, decimal: str) -> tuple[FloatArray, BoolArray, BoolArra
 def open_parquet(path: Path, salvage: bool) -> TableLog:
     """A Parquet file's flat numeric, boolean and time columns (times become seconds)."""
     regular_file(path)
+    types = pa.types
+    kinds = (types.is_integer, types.is_floating, types.is_boolean, types.is_timestamp)
     try:
         with pq.ParquetFile(path, **PARQUET) as file:
             check_parquet(path, file.metadata)
             names = file.schema_arrow.names
-            columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
+            columns = tuple(f.name for f in file.schema_arrow if any(kind(f.type) for kind in kinds))
             texts = tuple(f.name for f in file.schema_arrow if is_text(f.type))
             rows = file.metadata.num_rows
     except UsageError:
@@ -188,18 +404,8 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
         # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
     check_columns(names, str(path))
-    table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path, texts), texts)
+    table = Table(path.stem, columns, rows, partial(_read_parquet, path, texts), texts)
     return TableLog(path, [table], salvage=salvage)
-
-
-def _is_numeric(kind: Any) -> bool:
-    types = pa.types
-    return bool(
-        types.is_integer(kind)
-        or types.is_floating(kind)
-        or types.is_boolean(kind)
-        or types.is_timestamp(kind)
-    )
 
 
 def _read_parquet(path: Path, texts: Sequence[str], columns: Sequence[str], ledger: Ledger) -> Rows:

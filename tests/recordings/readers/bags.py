@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,6 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 ROS1_KINDS = ("ros1", "ros1-bz2", "ros1-lz4")
 ROS2_KINDS = ("sqlite3", "sqlite3-message", "sqlite3-file", "mcap-folder", "mcap-folder-zstd")
@@ -47,7 +45,7 @@ class Messages:
 
 
 @lru_cache(maxsize=2)
-def typestore(ros: int) -> Typestore:
+def typestore(ros):
     """The message types of ROS 1 Noetic or ROS 2 Humble, and the custom ones."""
     store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
     for name, text in CUSTOM.items():
@@ -56,15 +54,15 @@ def typestore(ros: int) -> Typestore:
     return store
 
 
-def stamp(nanoseconds: int) -> dict[str, int]:
+def stamp(nanoseconds):
     return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
 
 
-def header(nanoseconds: int, frame: str = "map") -> dict[str, Any]:
+def header(nanoseconds, frame="map"):
     return {"stamp": stamp(nanoseconds), "frame_id": frame}
 
 
-def build(store: Typestore, name: str, values: Mapping[str, Any]) -> Any:
+def build(store, name, values):
     """A message object from nested dictionaries."""
     made = {key: _value(store, description, values.get(key)) for key, description in store.fielddefs[name][1]}
     unknown = set(values) - set(made) - {"seq"}
@@ -72,7 +70,7 @@ def build(store: Typestore, name: str, values: Mapping[str, Any]) -> Any:
     return store.types[name](*made.values())
 
 
-def _value(store: Typestore, description: Any, value: Any) -> Any:
+def _value(store, description, value):
     kind, detail = description
     if kind == Nodetype.NAME:
         return build(store, detail, value or {})
@@ -86,21 +84,21 @@ def _value(store: Typestore, description: Any, value: Any) -> Any:
     return [_value(store, inner, v) for v in values]
 
 
-def serialise(ros: int, kind: str, values: Mapping[str, Any]) -> bytes:
+def serialise(ros, kind, values):
     """A message's bytes in ROS 1 or ROS 2 (CDR) form."""
     store = typestore(ros)
     message = build(store, kind, values)
     return bytes(store.serialize_ros1(message, kind) if ros == 1 else store.serialize_cdr(message, kind))
 
 
-def called(kind: str, stem: str = "a") -> str:
+def called(kind, stem="a"):
     """What a bag of this kind is called: a file by its ending, a folder without one."""
     if kind.startswith("ros1"):
         return f"{stem}.bag"
     return f"{stem}.mcap" if kind.startswith("mcap") and "folder" not in kind else stem
 
 
-def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: int = 4096) -> Path:
+def write_bag(path, kind, topics, *, chunk=4096):
     """Write a bag whose messages lie in order of receive time; returns what `open_log` is given.
 
     chunk: bytes of a chunk (ROS 1 and the .mcap kinds). ROS 2 kinds but .mcap make a folder.
@@ -131,7 +129,7 @@ def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: i
     return path
 
 
-def _write_ros1(path: Path, kind: str, types: Mapping[str, str], rows: Any, chunk: int) -> None:
+def _write_ros1(path, kind, types, rows, chunk):
     writer = Writer1(path)
     writer.chunk_threshold = chunk
     if kind != "ros1":
@@ -145,7 +143,7 @@ def _write_ros1(path: Path, kind: str, types: Mapping[str, str], rows: Any, chun
             writer.write(connections[topic], receive, data)
 
 
-def _write_ros2(path: Path, kind: str, types: Mapping[str, str], rows: Any) -> None:
+def _write_ros2(path, kind, types, rows):
     plugin = StoragePlugin.SQLITE3 if kind.startswith("sqlite3") else StoragePlugin.MCAP
     writer = Writer2(path, version=9, storage_plugin=plugin)
     mode = {"sqlite3-message": "MESSAGE", "sqlite3-file": "FILE", "mcap-folder-zstd": "STORAGE"}.get(kind)
@@ -160,7 +158,7 @@ def _write_ros2(path: Path, kind: str, types: Mapping[str, str], rows: Any) -> N
             writer.write(connections[topic], receive, data)
 
 
-def drive(seconds: float = 1.0, rate: float = 50.0, seed: int = 0) -> dict[str, Messages]:
+def drive(seconds=1.0, rate=50.0, seed=0):
     """A car on a circle: every message type that an import knows, header stamps 7 ms before arrival.
 
     /pose and /tf at `rate` [Hz], the commands at a fifth of it; header stamps carry odd nanoseconds.
@@ -200,7 +198,7 @@ def drive(seconds: float = 1.0, rate: float = 50.0, seed: int = 0) -> dict[str, 
     }
 
 
-def _commands(seconds: float, rate: float) -> dict[str, Messages]:
+def _commands(seconds, rate):
     times = [EPOCH + 150_000_003 + round(i * 1e9 / rate) for i in range(int(seconds * rate))]
     twists = [{"linear": {"x": 0.1 * i}, "angular": {"z": -0.2 * i}} for i in range(len(times))]
     drives = [{"steering_angle": 0.125 * i, "speed": 0.25 * i} for i in range(len(times))]

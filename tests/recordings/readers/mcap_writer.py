@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 
@@ -21,21 +20,21 @@ class Chunks:
     summary: bool = True
 
 
-def text(value: str) -> bytes:
+def text(value):
     raw = value.encode()
     return struct.pack("<I", len(raw)) + raw
 
 
-def record(op: int, body: bytes) -> bytes:
+def record(op, body):
     return struct.pack("<BQ", op, len(body)) + body
 
 
 def write_mcap(
-    types: Mapping[str, str],
-    definitions: Mapping[str, str],
-    rows: Sequence[tuple[int, str, bytes]],
-    options: Chunks,
-) -> bytes:
+    types,
+    definitions,
+    rows,
+    options,
+):
     """A whole file. types: topic to type; definitions: type to text; rows: (time [ns], topic, CDR bytes)."""
     out, told = BytesIO(), options.summary
     writer = Writer(

@@ -7,10 +7,9 @@ import shutil
 import signal
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,49 +22,49 @@ MEGABYTES = 600
 Mutation = Callable[[bytearray, np.random.Generator], bytearray]
 
 
-def _span(data: bytearray, rng: np.random.Generator, most: int) -> tuple[int, int]:
+def _span(data, rng, most):
     length = int(rng.integers(1, min(most, len(data)) + 1))
     start = int(rng.integers(0, len(data) - length + 1))
     return start, start + length
 
 
-def truncate(data: bytearray, rng: np.random.Generator) -> bytearray:
+def truncate(data, rng):
     return data[: int(rng.integers(0, len(data)))]
 
 
-def flip(data: bytearray, rng: np.random.Generator) -> bytearray:
+def flip(data, rng):
     for position in rng.integers(0, len(data), int(rng.integers(1, 12))):
         data[position] ^= int(rng.integers(1, 256))
     return data
 
 
-def zero(data: bytearray, rng: np.random.Generator) -> bytearray:
+def zero(data, rng):
     start, end = _span(data, rng, 2048)
     data[start:end] = bytes(end - start)
     return data
 
 
-def fill(data: bytearray, rng: np.random.Generator) -> bytearray:
+def fill(data, rng):
     """Lengths of 4 294 967 295 wherever it hits."""
     start, end = _span(data, rng, 16)
     data[start:end] = b"\xff" * (end - start)
     return data
 
 
-def swap(data: bytearray, rng: np.random.Generator) -> bytearray:
+def swap(data, rng):
     length = int(rng.integers(1, max(2, min(1024, len(data) // 4))))
     a, b = sorted(int(i) * length for i in rng.choice(len(data) // length, 2, replace=False))
     data[a : a + length], data[b : b + length] = data[b : b + length], data[a : a + length]
     return data
 
 
-def insert(data: bytearray, rng: np.random.Generator) -> bytearray:
+def insert(data, rng):
     position = int(rng.integers(0, len(data) + 1))
     data[position:position] = rng.bytes(int(rng.integers(1, 64)))
     return data
 
 
-def remove(data: bytearray, rng: np.random.Generator) -> bytearray:
+def remove(data, rng):
     start, end = _span(data, rng, 512)
     del data[start:end]
     return data
@@ -74,7 +73,7 @@ def remove(data: bytearray, rng: np.random.Generator) -> bytearray:
 MUTATIONS: tuple[Mutation, ...] = (truncate, flip, flip, zero, fill, swap, insert, remove)
 
 
-def mutate(source: Path, target: Path, number: int) -> str:
+def mutate(source, target, number):
     """Copy a bag with damage of kind `number` in one of its files; returns what was done."""
     rng = np.random.default_rng([number, 77])
     if source.is_dir():
@@ -98,8 +97,8 @@ class Late(BaseException):
 
 
 @contextmanager
-def deadline(seconds: float) -> Iterator[None]:
-    def ring(*_: object) -> None:
+def deadline(seconds):
+    def ring(*_):
         raise Late
 
     before = signal.signal(signal.SIGALRM, ring)
@@ -119,7 +118,7 @@ class Outcomes:
     faults: list[str] = field(default_factory=list)
 
 
-def watch(path: Path, done: str, outcomes: Outcomes) -> None:
+def watch(path, done, outcomes):
     """Open and read everything, strictly and for salvage; note what is neither a result nor one clear line."""
     for salvage in (False, True):
         name = "salvage" if salvage else "strict"
@@ -147,7 +146,7 @@ def watch(path: Path, done: str, outcomes: Outcomes) -> None:
             outcomes.faults.append(f"{path.name} ({done}, {name}): {grown:.0f} MB")
 
 
-def refused(path: Path, salvage: bool = False) -> str:
+def refused(path, salvage=False):
     """The one line that a file ends in."""
     outcomes = Outcomes()
     watch(path, "hostile", outcomes)
@@ -157,6 +156,6 @@ def refused(path: Path, salvage: bool = False) -> str:
     return str(caught.value)
 
 
-def read_all(path: Path, salvage: bool) -> None:
+def read_all(path, salvage):
     log = open_log(path, salvage=salvage)
     log.series({t.name: t.fields for t in log.topics() if t.fields})

@@ -1,9 +1,5 @@
 """Message definitions are code in the making: made to harm, they are refused, soon and without running."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 from bags import EPOCH
 from mcap_writer import Chunks, write_mcap
@@ -13,7 +9,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.readers import open_log
 
 
-def with_definition(path: Path, name: str, definition: str, data: bytes = bytes(64)) -> Path:
+def with_definition(path, name, definition, data=bytes(64)):
     rows = [(EPOCH + i, "/x", b"\x00\x01\x00\x00" + data) for i in range(3)]
     path.write_bytes(write_mcap({"/x": name}, {name: definition}, rows, Chunks()))
     return path
@@ -51,7 +47,7 @@ DEEP = "\n".join(
         ("string x\nuint8 y", "not a a/msg/X"),
     ],
 )
-def test_definitions_made_to_harm(tmp_path: Path, definition: str, says: str) -> None:
+def test_definitions_made_to_harm(tmp_path, definition, says):
     path = with_definition(tmp_path / "x.mcap", "a/msg/X", definition, b"\xff" * 64)
     with deadline(20.0):
         try:
@@ -66,7 +62,7 @@ def test_definitions_made_to_harm(tmp_path: Path, definition: str, says: str) ->
     assert not outcomes.faults
 
 
-def test_a_definition_cannot_run_code(tmp_path: Path) -> None:
+def test_a_definition_cannot_run_code(tmp_path):
     ran = tmp_path / "ran"
     code = f"a/msg/X:\n  import pathlib; pathlib.Path({str(ran)!r}).touch()\nclass b/msg/Y"
     for name in (code, "a/msg/X'''", "__import__('os')/msg/X"):
@@ -77,7 +73,7 @@ def test_a_definition_cannot_run_code(tmp_path: Path) -> None:
     assert not ran.exists()
 
 
-def test_definitions_that_take_long_to_parse(tmp_path: Path) -> None:
+def test_definitions_that_take_long_to_parse(tmp_path):
     for blank in ("\n" * 200_000, " # x\n" * 50_000, "\t\n" * 100_000):
         path = with_definition(tmp_path / "x.mcap", "a/msg/X", blank + "uint8 y", b"\x07")
         with deadline(5.0):

@@ -1,10 +1,6 @@
 """ROS 2 bag folders and databases that lie about what they are."""
 
-from __future__ import annotations
-
 import sqlite3
-from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 import yaml
@@ -14,7 +10,7 @@ from mutations import refused
 from gpsim.recordings.readers import open_log
 
 
-def metadata(folder: Path, change: Callable[[dict[str, object]], object]) -> Path:
+def metadata(folder, change):
     path = write_bag(
         folder / "bag", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 1.0})])}
     )
@@ -42,11 +38,11 @@ def metadata(folder: Path, change: Callable[[dict[str, object]], object]) -> Pat
         ),
     ],
 )
-def test_metadata_that_lies(tmp_path: Path, change: Callable[[dict[str, object]], object], says: str) -> None:
+def test_metadata_that_lies(tmp_path, change, says):
     assert says in refused(metadata(tmp_path, change))
 
 
-def test_metadata_that_swells(tmp_path: Path) -> None:
+def test_metadata_that_swells(tmp_path):
     path = metadata(tmp_path, lambda _: None)
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
@@ -59,7 +55,7 @@ def test_metadata_that_swells(tmp_path: Path) -> None:
     assert open_log(path, salvage=True).series({"/u": ["data"]})["/u"].fields["data"].tolist() == [1.0]
 
 
-def test_a_database_that_is_no_bag_or_a_trap(tmp_path: Path) -> None:
+def test_a_database_that_is_no_bag_or_a_trap(tmp_path):
     views = (
         "CREATE VIEW topics AS SELECT 1 AS id, '/u' AS name, 'std_msgs/msg/Float32' AS type, 'cdr' AS serialization_format",
         "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c) "
@@ -74,7 +70,7 @@ def test_a_database_that_is_no_bag_or_a_trap(tmp_path: Path) -> None:
         assert "not a ROS 2 bag" in refused(tmp_path / f"{name}.db3")
 
 
-def test_a_write_ahead_log_is_not_forgotten(tmp_path: Path) -> None:
+def test_a_write_ahead_log_is_not_forgotten(tmp_path):
     path = write_bag(tmp_path / "bag", "sqlite3", drive(0.2))
     (path / "bag.db3-wal").write_bytes(b"x" * 100)
     assert "bag.db3-wal" in refused(path)

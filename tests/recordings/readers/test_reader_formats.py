@@ -1,8 +1,3 @@
-from __future__ import annotations
-
-from collections.abc import Sequence
-from pathlib import Path
-
 import numpy as np
 import pytest
 from bags import EPOCH, KINDS, Messages, called, drive, serialise, typestore, write_bag
@@ -29,17 +24,17 @@ WANTED = {
 }
 
 
-def seconds(stamps: list[int]) -> np.ndarray:
+def seconds(stamps):
     return np.array([stamp - EPOCH for stamp in stamps]) / 1e9
 
 
 @pytest.fixture(scope="module", params=KINDS)
-def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bag(request, tmp_path_factory):
     name = called(request.param, "drive")
     return write_bag(tmp_path_factory.mktemp("bags") / name, request.param, drive(1.0))
 
 
-def test_every_message_comes_back(bag: Path) -> None:
+def test_every_message_comes_back(bag):
     log, given = open_log(bag), drive(1.0)
     series = log.series(WANTED)
     assert log.epoch_ns == EPOCH
@@ -60,7 +55,7 @@ def test_every_message_comes_back(bag: Path) -> None:
     assert (series["/pose_cov"].fields["pose.covariance.35"] == 35.0).all()
 
 
-def test_header_stamps_keep_their_nanoseconds(bag: Path) -> None:
+def test_header_stamps_keep_their_nanoseconds(bag):
     series = open_log(bag).series({"/pose": ["pose.position.x"], "/throttle": ["data"]})
     header = series["/pose"].header
     assert header is not None
@@ -69,7 +64,7 @@ def test_header_stamps_keep_their_nanoseconds(bag: Path) -> None:
     assert series["/throttle"].header is None
 
 
-def test_transforms_are_selected_by_their_child_frame(bag: Path) -> None:
+def test_transforms_are_selected_by_their_child_frame(bag):
     paths = [f"transforms[child_frame_id={name}].transform.translation.x" for name in ("base_link", "wheel")]
     log, given = open_log(bag), drive(1.0)["/tf"].rows
     alone = log.series({"/tf": paths[:1]})["/tf"]
@@ -89,14 +84,14 @@ def test_transforms_are_selected_by_their_child_frame(bag: Path) -> None:
     np.testing.assert_array_equal(wheel[~np.isnan(wheel)], np.arange(len(given)))
 
 
-def test_elements_that_a_message_does_not_have_are_absent(bag: Path) -> None:
+def test_elements_that_a_message_does_not_have_are_absent(bag):
     series = open_log(bag).series({"/sensors": ["data.0", "data.2"]})["/sensors"]
     missing = np.arange(len(series.receive)) % 4 == 0
     np.testing.assert_array_equal(np.isnan(series.fields["data.2"]), missing)
     assert series.absent == {"data.2": int(missing.sum())}
 
 
-def test_topics_say_what_is_inside(bag: Path) -> None:
+def test_topics_say_what_is_inside(bag):
     topics = {topic.name: topic for topic in open_log(bag).topics()}
     given = drive(1.0)
     assert list(topics) == sorted(given)
@@ -115,14 +110,14 @@ def test_topics_say_what_is_inside(bag: Path) -> None:
     assert not topics["/cmd_vel"].has_header
 
 
-def test_every_listed_field_can_be_read(bag: Path) -> None:
+def test_every_listed_field_can_be_read(bag):
     log = open_log(bag)
     listed = {topic.name: topic.fields for topic in log.topics()}
     for topic, series in log.series(listed).items():
         assert set(series.fields) == set(listed[topic])
 
 
-def test_rosbags_reads_the_same(bag: Path) -> None:
+def test_rosbags_reads_the_same(bag):
     """An independent oracle: rosbags' own reader, message by message."""
     log = open_log(bag)
     with AnyReader([bag]) as reader:
@@ -148,9 +143,7 @@ def test_rosbags_reads_the_same(bag: Path) -> None:
         ("/sensors", "data[a=b]", "only in an array of messages"),
     ],
 )
-def test_wrong_wishes_are_one_line_with_the_alternatives(
-    tmp_path: Path, topic: str, path: str, says: str
-) -> None:
+def test_wrong_wishes_are_one_line_with_the_alternatives(tmp_path, topic, path, says):
     log = open_log(write_bag(tmp_path / "drive.bag", "ros1", drive(0.2)))
     with pytest.raises(UsageError) as caught:
         log.series({topic: [path]})
@@ -159,9 +152,7 @@ def test_wrong_wishes_are_one_line_with_the_alternatives(
 
 
 @pytest.mark.parametrize(("publishers", "at"), [(2, range(10)), (1, (5, 3, 9, 1))])
-def test_publishers_of_one_topic_are_one_series_in_file_order(
-    tmp_path: Path, publishers: int, at: Sequence[int]
-) -> None:
+def test_publishers_of_one_topic_are_one_series_in_file_order(tmp_path, publishers, at):
     kind, stamps = "std_msgs/msg/Float32", [EPOCH + s for s in at]
     with Writer(tmp_path / "a.bag") as writer:
         several = [
@@ -175,7 +166,7 @@ def test_publishers_of_one_topic_are_one_series_in_file_order(
     np.testing.assert_array_equal(series.receive, seconds(stamps))
 
 
-def test_an_old_sqlite3_bag_without_definitions_uses_a_distribution(tmp_path: Path) -> None:
+def test_an_old_sqlite3_bag_without_definitions_uses_a_distribution(tmp_path):
     import sqlite3
 
     bag = write_bag(
@@ -185,6 +176,4 @@ def test_an_old_sqlite3_bag_without_definitions_uses_a_distribution(tmp_path: Pa
     base.execute("DELETE FROM message_definitions")
     base.commit()
     base.close()
-    assert open_log(bag, distro="foxy").series({"/u": ["data"]})["/u"].fields["data"].tolist() == [2.5]
-    with pytest.raises(UsageError, match="no ROS 2 distribution"):
-        open_log(bag, distro="noetic")
+    assert open_log(bag).series({"/u": ["data"]})["/u"].fields["data"].tolist() == [2.5]

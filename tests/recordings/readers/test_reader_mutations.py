@@ -1,9 +1,5 @@
 """Damaged bags of every kind: a result or one clear line, within 20 s and 600 MB each, never a raw exception."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from bags import KINDS, MCAP_KINDS, drive, write_bag
@@ -15,12 +11,12 @@ from gpsim.recordings.readers import open_log
 QUICK, SLOW = 5, 120
 
 
-def written(folder: Path, kind: str, seconds: float) -> Path:
+def written(folder, kind, seconds):
     suffix = ".bag" if kind.startswith("ros1") else ".mcap" if kind in MCAP_KINDS else ""
     return write_bag(folder / f"{kind}{suffix}", kind, drive(seconds))
 
 
-def run(folder: Path, kind: str, numbers: range) -> Outcomes:
+def run(folder, kind, numbers):
     source = written(folder, kind, 0.6)
     outcomes = Outcomes()
     for number in numbers:
@@ -30,7 +26,7 @@ def run(folder: Path, kind: str, numbers: range) -> Outcomes:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_few_damaged_bags(tmp_path: Path, kind: str) -> None:
+def test_a_few_damaged_bags(tmp_path, kind):
     outcomes = run(tmp_path, kind, range(QUICK))
     assert not outcomes.faults
     assert outcomes.counts["strict: refused"] > 0
@@ -38,7 +34,7 @@ def test_a_few_damaged_bags(tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_many_damaged_bags(tmp_path: Path, kind: str) -> None:
+def test_many_damaged_bags(tmp_path, kind):
     """120 of each of 13 kinds: 1 560 in all, each read strictly and for salvage."""
     outcomes = run(tmp_path, kind, range(SLOW))
     print(f"\n{kind}: {dict(sorted(outcomes.counts.items()))}")
@@ -48,7 +44,7 @@ def test_many_damaged_bags(tmp_path: Path, kind: str) -> None:
 WISH = {"/odom": ["pose.pose.position.x"], "/joy": ["axes.1"]}
 
 
-def test_salvage_of_a_cut_compressed_file(tmp_path: Path) -> None:
+def test_salvage_of_a_cut_compressed_file(tmp_path):
     """Compressed as a whole, it can be had in blocks of 128 KB; as everywhere, nothing wrong and counts that add up."""
     source = written(tmp_path, "sqlite3-file", 20.0)
     truth = open_log(source).series(WISH)["/odom"]
@@ -63,7 +59,7 @@ def test_salvage_of_a_cut_compressed_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "sqlite3-file"])
-def test_salvage_of_a_cut_bag_is_its_beginning(tmp_path: Path, kind: str) -> None:
+def test_salvage_of_a_cut_bag_is_its_beginning(tmp_path, kind):
     """Wherever a file is cut: every value is one of the true ones, in order, from the first on, and counts add up."""
     source = written(tmp_path, kind, 2.0)
     truth = open_log(source).series(WISH)
@@ -90,7 +86,7 @@ def test_salvage_of_a_cut_bag_is_its_beginning(tmp_path: Path, kind: str) -> Non
 
 
 @pytest.mark.parametrize("kind", ["ros1", "ros1-bz2", "ros1-lz4", "mcap", "mcap-lz4", "mcap-zstd", "sqlite3"])
-def test_salvage_goes_on_behind_a_hole(tmp_path: Path, kind: str) -> None:
+def test_salvage_goes_on_behind_a_hole(tmp_path, kind):
     """A hole in the middle costs a few messages, not the rest of the file; what is lost is counted."""
     source = written(tmp_path, kind, 2.0)
     truth = open_log(source).series(WISH)["/odom"]
@@ -108,7 +104,7 @@ def test_salvage_goes_on_behind_a_hole(tmp_path: Path, kind: str) -> None:
     assert series.read + sum(series.dropped.values()) == len(truth.receive)
 
 
-def test_an_index_that_does_not_agree_is_told(tmp_path: Path) -> None:
+def test_an_index_that_does_not_agree_is_told(tmp_path):
     """A flipped connection number hides a message from its topic; the index knows that it was there."""
     source = written(tmp_path, "ros1", 0.6)
     data = source.read_bytes()

@@ -1,17 +1,13 @@
 """One topic that cannot be read is listed with its reason; only who asks for it is refused."""
 
-from __future__ import annotations
-
 import sqlite3
-from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from bags import EPOCH, KINDS, Messages, called, drive, write_bag
 
 from gpsim.errors import UsageError
-from gpsim.recordings.raw import Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.bag1 import Bag1
 from gpsim.recordings.readers.damage import Ledger
@@ -22,18 +18,18 @@ DESCRIPTIONS = "/mocap_node/optitrack_config/parameter_descriptions"
 STRANGE = "/bad"
 
 
-def describing(*names: str) -> Messages:
+def describing(*names):
     parameters = [{"name": name, "level": 3 + i} for i, name in enumerate(("command_port", "data_port"))]
     groups = [{"name": name, "parameters": parameters, "id": i} for i, name in enumerate(names)]
     return Messages("dynamic_reconfigure/msg/ConfigDescription", [(EPOCH + 200_000_000, {"groups": groups})])
 
 
-def topics_of(path: Path, **options: Any) -> dict[str, Topic]:
+def topics_of(path, **options):
     return {topic.name: topic for topic in open_log(path, **options).topics()}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path: Path, kind: str) -> None:
+def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path, kind):
     """A dynamic_reconfigure topic used to end the inspection of a whole bag of an F1TENTH car."""
     bag = write_bag(tmp_path / called(kind), kind, {**drive(1.0), DESCRIPTIONS: describing("Default")})
     found = inspect_source(bag)
@@ -45,7 +41,7 @@ def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path: P
     assert series.fields["groups[name=Default].parameters.1.level"].tolist() == [4.0]
 
 
-def test_names_that_no_selection_can_ask_for_are_counted(tmp_path: Path) -> None:
+def test_names_that_no_selection_can_ask_for_are_counted(tmp_path):
     """Elements called `a,b` or `a]b` are found by their place."""
     bag = write_bag(tmp_path / "a.bag", "ros1", {DESCRIPTIONS: describing("a,b", "c]d", " e")})
     fields = topics_of(bag)[DESCRIPTIONS].fields
@@ -54,7 +50,7 @@ def test_names_that_no_selection_can_ask_for_are_counted(tmp_path: Path) -> None
     assert open_log(bag).series({DESCRIPTIONS: fields})[DESCRIPTIONS].fields["groups.2.id"].tolist() == [2.0]
 
 
-def spoiled(path: Path, old: bytes, new: bytes) -> Path:
+def spoiled(path, old, new):
     data = path.read_bytes()
     assert old in data
     assert len(old) == len(new)
@@ -62,7 +58,7 @@ def spoiled(path: Path, old: bytes, new: bytes) -> Path:
     return path
 
 
-def small(folder: Path, kind: str, rows: int = 40) -> Path:
+def small(folder, kind, rows=40):
     messages = [(EPOCH + i * 10**7, {"data": float(i)}) for i in range(rows)]
     other = [(when, {"axes": [0.5], "buttons": [1]}) for when, _ in messages]
     topics = {
@@ -85,9 +81,7 @@ def small(folder: Path, kind: str, rows: int = 40) -> Path:
         ("mcap", b"sensor_msgs/msg/Joy", b"sensor_msgs msg Joy", "is not a message type name"),
     ],
 )
-def test_a_topic_that_cannot_be_laid_out_harms_no_other(
-    tmp_path: Path, kind: str, old: bytes, new: bytes, why: str
-) -> None:
+def test_a_topic_that_cannot_be_laid_out_harms_no_other(tmp_path, kind, old, new, why):
     bag = spoiled(small(tmp_path, kind), old, new)
     if kind == "mcap":
         unchecked(bag)
@@ -104,7 +98,7 @@ def test_a_topic_that_cannot_be_laid_out_harms_no_other(
     assert "\n" not in str(caught.value)
 
 
-def unchecked(path: Path) -> None:
+def unchecked(path):
     """Take the checksums of an MCAP file away, as writers may: those of the summary and of every chunk."""
     data = bytearray(path.read_bytes())
     data[-12:-8] = bytes(4)
@@ -118,7 +112,7 @@ def unchecked(path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", ["type", "serialization_format", "name"])
-def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path: Path, what: str) -> None:
+def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path, what):
     topics = {"/good": Messages("std_msgs/msg/Float64", [(EPOCH + i, {"data": 1.0}) for i in range(3)])}
     bag = write_bag(tmp_path / "a", "sqlite3", {**topics, STRANGE: topics["/good"]})
     (file,) = bag.glob("*.db3")
@@ -132,7 +126,7 @@ def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path: Path, 
         assert open_log(path).series({"/good": ["data"]})["/good"].read == 3
 
 
-def recounted(folder: Path, topic: str, count: int) -> Path:
+def recounted(folder, topic, count):
     """A bag with 3 messages on /good and on /bad whose metadata.yaml says another number of them on a topic."""
     rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
     topics = {name: Messages("std_msgs/msg/Float64", rows) for name in ("/good", STRANGE)}
@@ -150,7 +144,7 @@ def recounted(folder: Path, topic: str, count: int) -> Path:
     return bag
 
 
-def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path: Path) -> None:
+def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path):
     rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
     bag = write_bag(
         tmp_path / "a", "sqlite3", {n: Messages("std_msgs/msg/Float64", rows) for n in ("/good", STRANGE)}
@@ -167,9 +161,7 @@ def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(("topic", "count"), [(STRANGE, 2), (STRANGE, 7), ("/lost", 5)])
-def test_messages_that_metadata_count_wrongly_concern_their_topic(
-    tmp_path: Path, topic: str, count: int
-) -> None:
+def test_messages_that_metadata_count_wrongly_concern_their_topic(tmp_path, topic, count):
     bag = recounted(tmp_path, topic, count)
     found = inspect_source(bag)
     assert set(found.paces) == {"/good", STRANGE} - {topic}
@@ -179,7 +171,7 @@ def test_messages_that_metadata_count_wrongly_concern_their_topic(
 
 
 @pytest.mark.parametrize("kind", ["ros1-lz4", "mcap-lz4"])
-def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path: Path, kind: str) -> None:
+def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path, kind):
     """A chunk with messages of one topic only is cut out of the middle of the file."""
     early = [(EPOCH + i * 10**7, {"data": float(i)}) for i in range(400)]
     late = [(EPOCH + 10**10 + i * 10**7, {"data": 2.0 * i}) for i in range(400)]
@@ -202,7 +194,7 @@ def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path
     assert 0 < open_log(bag, salvage=True).series({"/late": ["data"]})["/late"].read < 400
 
 
-def test_a_broken_table_among_the_topics_of_a_folder(tmp_path: Path) -> None:
+def test_a_broken_table_among_the_topics_of_a_folder(tmp_path):
     rows = "".join(f"{0.1 * i:.1f},{i}\n" for i in range(20))
     (tmp_path / "pose.csv").write_text(f"t,x\n{rows}")
     (tmp_path / "cmd.csv").write_text(f"t,u\n{rows}")
@@ -215,3 +207,34 @@ def test_a_broken_table_among_the_topics_of_a_folder(tmp_path: Path) -> None:
     assert recording.transition_count > 10
     with pytest.raises(UsageError, match=r"other\.csv: several columns are called 't'"):
         read_logs([tmp_path], str(tmp_path / "m.yaml"), ["state.x.topic=other"])
+
+
+FRAMES = """
+system: frames
+rate: 50
+state:
+  x: {topic: /tf, field: "transforms[child_frame_id=base_link].transform.translation.x", unit: m}
+  turned: {topic: /tf, field: "transforms[child_frame_id=wheel].transform.translation.x", unit: rad}
+action:
+  v_cmd: {topic: /cmd_vel, field: linear.x, unit: m/s}
+"""
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_two_frames_of_one_topic_are_two_tracks(tmp_path, kind):
+    bag = write_bag(tmp_path / called(kind), kind, drive(seconds=4.0))
+    (tmp_path / "mine.yaml").write_text(FRAMES)
+    recording, report, _ = read_logs([bag], str(tmp_path / "mine.yaml"))
+    (episode,) = recording.episodes
+    x, turned = episode.states.T
+    # message i holds the wheel at i, and every second one the base at cos(0.02 i)
+    assert x == pytest.approx(np.cos(0.02 * turned), abs=1e-3)  # stamps jitter by 0.5 ms
+    assert turned[-1] > 190.0
+    counts = {count.part: count for count in report.topics if count.topic == "/tf"}
+    assert {part: count.read for part, count in counts.items()} == {
+        "transforms[child_frame_id=base_link]": 100,
+        "transforms[child_frame_id=wheel]": 200,
+    }
+    for count in report.topics:
+        assert count.read == count.kept + sum(count.dropped.values())
+        assert "value missing" not in count.dropped

@@ -1,28 +1,86 @@
-"""Bags of ROS 1 and ROS 2 as a raw log: rosbags parses the definitions and decodes, the containers only fetch bytes."""
+"""Bags as a raw log: rosbags decodes the messages, containers fetch bytes, fields become columns of float64."""
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
-from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, decoder
-from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
-from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
+from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, Types, decoder
+from gpsim.recordings.readers.fields import (
+    FieldPath,
+    Named,
+    PathError,
+    Selection,
+    has_sequences,
+    numeric_fields,
+    parse_path,
+    stamp_path,
+)  # fmt: skip
 from gpsim.recordings.readers.source import LATEST, Container, Stream
 
 DEFAULT_DISTRO = "humble"
-_SAMPLES = 100
-_SAMPLE_MESSAGES = 5_000
-_YEAR_NS = 366 * 86_400 * 10**9
 MISSING = "announced by the index, not found"
+BLOCK = 4096
+NAN, NO_STAMP = float("nan"), -(2**63)
+Row = Sequence[Any]
+_SAMPLES, _SAMPLE_MESSAGES = 100, 5_000
+_YEAR_NS = 366 * 86_400 * 10**9
+
+
+class Columns:
+    """Grows as rows come: receive time [ns], stamp [ns] and values, each in one flat array.
+
+    Python objects live for one block of 4096 rows only. The arrays grow in place (array.array, which reallocates by
+    a sixteenth), so that a column's memory is 8 bytes a value, with no second copy at the end.
+    """
+
+    def __init__(self, names: tuple[str, ...]) -> None:
+        self.names = names
+        self.absent: dict[str, int] = {}
+        self._receive: list[int] = []
+        self._rows: list[Row] = []
+        self._times = (array("q"), array("q"))
+        self._values = [array("d") for _ in names]
+
+    def append(self, receive: int, row: Row) -> None:
+        """Add one row: the values in the order of `names`, then the stamp's seconds and nanoseconds."""
+        self._receive.append(receive)
+        self._rows.append(row)
+        if len(self._rows) >= BLOCK:
+            self._flush()
+
+    def _flush(self) -> None:
+        width = len(self.names) + 2
+        flat = np.fromiter(chain.from_iterable(self._rows), dtype=np.float64, count=len(self._rows) * width)
+        *columns, seconds, nanoseconds = flat.reshape(-1, width).T
+        known = np.isfinite(seconds)
+        stamp = np.full(len(known), NO_STAMP, dtype=np.int64)
+        stamp[known] = seconds[known].astype(np.int64) * 10**9 + nanoseconds[known].astype(np.int64)
+        self._times[0].extend(self._receive)
+        self._times[1].frombytes(stamp.tobytes())
+        for kept, column in zip(self._values, columns, strict=True):
+            kept.frombytes(column.tobytes())
+        self._receive.clear()
+        self._rows.clear()
+
+    def finished(self) -> tuple[IntArray, IntArray, dict[str, FloatArray]]:
+        """(receive times [ns], header stamps [ns] or NO_STAMP, values by field), each (N,); no row may come after."""
+        self._flush()
+        receive, stamp = (np.frombuffer(times, dtype=np.int64) for times in self._times)
+        values = (np.frombuffer(kept, dtype=np.float64) for kept in self._values)
+        return receive, stamp, dict(zip(self.names, values, strict=True))
 
 
 @dataclass(slots=True)
@@ -31,7 +89,7 @@ class _Reading:
 
     stream: Stream
     decode: Callable[[bytes, str], object]
-    rows: Rows
+    rows: Callable[[Any], Sequence[Row]]
     append: Callable[[int, Row], None]
     found: int = 0
     lost: int = 0
@@ -40,7 +98,7 @@ class _Reading:
 class BagLog:
     """A bag. Times are seconds after `epoch_ns`, the whole second before its first message (nanoseconds survive)."""
 
-    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str | None) -> None:
+    def __init__(self, path: Path, container: Container, *, salvage: bool) -> None:
         self.path = path
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
@@ -50,8 +108,8 @@ class BagLog:
                 f"{path}: it has {len(self._streams)} topics, the limit is {allowed(TOPICS)}; "
                 f"{more(len(self._streams), TOPICS)}"
             )
-        said = container.distro if container.distro in DISTROS else None
-        self.distro = distro or said or DEFAULT_DISTRO
+        # Of an old sqlite3 bag without definitions: the message types of the ROS 2 that its metadata name.
+        self.distro = container.distro if container.distro in DISTROS else DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
         self._nodes = 0
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
@@ -64,8 +122,9 @@ class BagLog:
     def topics(self) -> Sequence[Topic]:
         """What is inside, from the index; arrays are listed as long as in the first messages."""
         samples = self._samples()
-        names = sorted({stream.topic for stream in self._streams})
-        return tuple(self._topic(name, samples) for name in names)
+        return tuple(
+            self._topic(name, samples) for name in sorted({stream.topic for stream in self._streams})
+        )
 
     def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
         streams = [s for s in self._streams if s.topic == name]
@@ -81,16 +140,10 @@ class BagLog:
             stamped = stamped or stamp_path(known.types, known.name) is not None
         starts = [s.start for s in streams if s.start is not None]
         ends = [s.end for s in streams if s.end is not None]
-        return Topic(
-            name=name,
-            type=_types(streams),
-            count=sum(s.count or 0 for s in streams),
-            fields=tuple(fields),
-            start=(min(starts) - self.epoch_ns) / 1e9 if starts else None,
-            end=(max(ends) - self.epoch_ns) / 1e9 if ends else None,
-            has_header=stamped,
-            fault=fault,
-        )
+        start = (min(starts) - self.epoch_ns) / 1e9 if starts else None
+        end = (max(ends) - self.epoch_ns) / 1e9 if ends else None
+        count = sum(s.count or 0 for s in streams)
+        return Topic(name, _types(streams), count, tuple(fields), start, end, stamped, fault=fault)
 
     def _samples(self) -> dict[int, list[Any]]:
         """The first messages of the streams whose arrays have no fixed length."""
@@ -118,9 +171,8 @@ class BagLog:
         """wanted: its messages are asked for; what is only listed must not cost more than a log is worth."""
         if stream.id not in self._decoders:
             if self._nodes > MAX_NODES_OF_A_LOG and not wanted:
-                raise DamageError(
-                    f"the log's message types have more than {MAX_NODES_OF_A_LOG} fields together"
-                )
+                said = f"the log's message types have more than {MAX_NODES_OF_A_LOG} fields together"
+                raise DamageError(said)
             self._decoders[stream.id] = decoder(stream, self.distro)
             self._nodes += self._decoders[stream.id].nodes
         return self._decoders[stream.id]
@@ -174,19 +226,15 @@ class BagLog:
             for row in rows:
                 reading.append(receive, row)
         for reading in readings.values():
-            if reading.stream.count is not None and reading.found != reading.stream.count:
-                self._compare(reading.stream, reading.found, ledger)
-
-    def _compare(self, stream: Stream, found: int, ledger: Ledger) -> None:
-        announced = stream.count or 0
-        if found < announced:
-            where = f"index announces {announced} messages, {found} are there"
-            ledger.lost(MISSING, where, stream.topic, announced - found)
-        else:
-            ledger.lost(f"{found} messages where the index announces {announced}", "index", None)
+            announced, found = reading.stream.count, reading.found
+            if announced is not None and found < announced:
+                where = f"index announces {announced} messages, {found} are there"
+                ledger.lost(MISSING, where, reading.stream.topic, announced - found)
+            elif announced is not None and found > announced:
+                ledger.lost(f"{found} messages where the index announces {announced}", "index", None)
 
     def _series(self, topic: str, kept: Columns, read: int, ledger: Ledger) -> Series:
-        receive, stamps, values = kept.receive_ns(), kept.stamp_ns(), kept.values()
+        receive, stamps, values = kept.finished()
         known = stamps != NO_STAMP
         header = np.full(len(stamps), np.nan)
         header[known] = seconds(stamps[known], self.epoch_ns)
@@ -202,6 +250,11 @@ class BagLog:
         )
 
 
+def seconds(nanoseconds: IntArray, epoch_ns: int) -> FloatArray:
+    """Integer nanoseconds to seconds after the epoch; exact to 1 ns within 100 days of it."""
+    return np.asarray((nanoseconds - epoch_ns) / 1e9, dtype=np.float64)
+
+
 def _types(streams: Sequence[Stream]) -> str:
     return " | ".join(sorted({one_line(s.type, 80) for s in streams}))
 
@@ -212,5 +265,80 @@ def _epoch(starts: Sequence[int]) -> int:
     if not starts:
         return 0
     middle = sorted(starts)[len(starts) // 2]
-    first = min(start for start in starts if abs(start - middle) < _YEAR_NS)
-    return first // 10**9 * 10**9
+    return min(start for start in starts if abs(start - middle) < _YEAR_NS) // 10**9 * 10**9
+
+
+def row_maker(
+    decoder: Decoder, wanted: Sequence[str], absent: dict[str, int]
+) -> Callable[[Any], Sequence[Row]]:
+    """A function from message to rows (values in the order of `wanted`, stamp seconds, stamp nanoseconds).
+
+    Paths that share a selection are found in the same rows, where the others' columns are absent. absent counts, by
+    field, the rows whose message has no such element. Raises PathError.
+    """
+    types = decoder.types
+    paths = [parse_path(text, types, decoder.name) for text in wanted]
+    selections = list(dict.fromkeys(path.selection for path in paths))
+    own = stamp_path(types, decoder.name)
+    if selections == [None] and own and all(isinstance(s, str) for p in paths for s in p.steps):
+        dotted = [".".join(map(str, p.steps)) for p in paths]  # one call a message
+        get = attrgetter(*dotted, f"{'.'.join(own)}.sec", f"{'.'.join(own)}.nanosec")
+        return lambda message: (get(message),)
+    makers = [
+        _of_selection(s, [_getter(path, absent, there=path.selection == s) for path in paths], own, types)
+        for s in selections
+    ]
+    if len(makers) == 1:
+        return makers[0]
+    return lambda message: [row for maker in makers for row in maker(message)]
+
+
+def _of_selection(
+    selection: Selection | None, getters: Sequence[Any], own: tuple[str, ...] | None, types: Types
+) -> Callable[[Any], Sequence[Row]]:
+    """From a message to the rows of what is selected in it, with its own stamp where it has one."""
+    outer = _stamp(own)
+    if selection is None:
+        return lambda message: ([*(get(message) for get in getters), *outer(message)],)
+    inner = stamp_path(types, selection.element)
+    stamp, elements = _stamp(inner), attrgetter(".".join(selection.array))
+    keys = [(attrgetter(name), value) for name, value in selection.where]
+    return lambda message: [
+        [*(get(element) for get in getters), *(outer(message) if inner is None else stamp(element))]
+        for element in elements(message)
+        if all(str(get(element)) == value for get, value in keys)
+    ]
+
+
+def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]:
+    if path is None:
+        return lambda _: (NAN, NAN)
+    get: Callable[[Any], tuple[float, float]] = attrgetter(
+        *(f"{'.'.join(path)}.{p}" for p in ("sec", "nanosec"))
+    )
+    return get
+
+
+def _getter(path: FieldPath, absent: dict[str, int], *, there: bool) -> Callable[[Any], float]:
+    """Follow attributes and indices; an index beyond the array's end, or a name not there, is NaN and counted."""
+    steps: list[Callable[[Any], Any]] = []
+    for step in path.steps:
+        if isinstance(step, str):
+            steps.append(attrgetter(step))
+        else:
+            steps.append(step.beside() if isinstance(step, Named) else itemgetter(step))
+    if there and all(isinstance(step, str) for step in path.steps):
+        return attrgetter(".".join(map(str, path.steps)))
+
+    def get(value: Any) -> float:
+        try:
+            if not there:
+                raise IndexError
+            for step in steps:
+                value = step(value)
+        except (IndexError, ValueError):  # an array too short, a name that is not there
+            absent[path.text] = absent.get(path.text, 0) + 1
+            return NAN
+        return float(value)
+
+    return get
