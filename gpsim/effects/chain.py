@@ -11,9 +11,8 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects import elastic
-from gpsim.effects.actuation import Actuation
+from gpsim.effects.actuation import Actuation, Grid, blended
 from gpsim.effects.closed_step import ClosedStep, closed
-from gpsim.effects.commands import Grid, blended
 from gpsim.effects.effect import (
     DriveEffect,
     ElasticDrive,

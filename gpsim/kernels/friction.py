@@ -7,16 +7,17 @@ from gpsim.kernels.bristles import yield_on
 from gpsim.kernels.codes import (
     BRISTLES,
     CARTPOLE,
-    COEFFICIENT,
     DRY,
     FINE,
     FORCES,
     HELD,
     LAW,
+    LOADED,
     ON,
     PARAMETERS,
     SCHEME,
     SYSTEM,
+    WEIGHED,
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.lanes import (
@@ -98,7 +99,7 @@ def rub(
     look_at(b, lanes, on, fine)
     weighs = False
     for n in range(first, last):
-        weighs = weighs or terms[n, LAW] == COEFFICIENT
+        weighs = weighs or WEIGHED <= terms[n, LAW] < LOADED
     loaded = weighs and layout[SYSTEM] == CARTPOLE and on == 0
     if loaded:
         normal_force(b, lanes, 0.0)

@@ -56,5 +56,5 @@ def tamed(x: float) -> float:
 
 @compiled
 def blended(share: float, acted: float, untouched: float) -> float:
-    """As `gpsim.effects.commands.blended`."""
+    """As `gpsim.effects.actuation.blended`."""
     return acted if share == 1.0 else share * acted + (1.0 - share) * untouched

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.bristles import bend_on
-from gpsim.kernels.catalogue import given_of
 from gpsim.kernels.codes import (
     ACKERMANN,
     CARTPOLE,
     CHANGING,
     CURVE,
-    DIFFERENCE,
     DRIVE_CURVE,
     ELASTIC,
     FINE,
@@ -44,7 +42,7 @@ from gpsim.kernels.elastic import transmit, turn_on
 from gpsim.kernels.friction import push, rub_all
 from gpsim.kernels.gates import find_shares
 from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
-from gpsim.kernels.laws import twist
+from gpsim.kernels.laws import correct_of, given_of, twist
 from gpsim.kernels.scalars import blended, place
 from gpsim.kernels.systems import rates, slope, turning
 
@@ -63,15 +61,8 @@ def correct(
 ) -> None:
     """Change P, as it was believed, to the parameters that the rows have."""
     for n in range(layout[PARAMETERS], layout[TWISTS]):
-        at, value, gated = (
-            place(P + terms[n, ON] * LANES),
-            terms[n, VALUE],
-            terms[n, GATE] < terms[n, GATE_END],
-        )
-        for i in range(lanes):
-            own: float = v[value, i]
-            new = b[at + i] + own if terms[n, LAW] == DIFFERENCE else b[at + i] * own
-            b[at + i] = blended(shares[n, i], new, b[at + i]) if gated else new
+        at, gated = P + terms[n, ON] * LANES, terms[n, GATE] < terms[n, GATE_END]
+        correct_of(b, lanes, terms[n, LAW], terms[n, VALUE], v, at, gated, shares, n)
 
 
 @compiled
