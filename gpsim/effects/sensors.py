@@ -47,11 +47,7 @@ class Sensors:
         return int(np.ceil(self.looks_back(values) / shortest)) + 2
 
     def begin(
-        self,
-        history: FloatArray,
-        values: Sequence[Values],
-        step: FloatArray,
-        steps: FloatArray | None = None,
+        self, history: FloatArray, values: Sequence[Values], step: FloatArray, steps: FloatArray | None = None
     ) -> Memory:
         """Their memory at the start of a batch, from its last true states (B, K, S), the newest last.
 

@@ -8,24 +8,10 @@ lasted, and where the oldest lies.
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.codes import (
-    DEPTH,
-    FINE,
-    FOLLOWED,
-    GATE,
-    GATE_END,
-    LATE,
-    LAW,
-    MEMORY,
-    ON,
-    PASSES,
-    SCHEME,
-    VALUE,
-)
-from gpsim.kernels.compiling import compiled
+from gpsim.kernels import codes
+from gpsim.kernels.compiling import blended, compiled
 from gpsim.kernels.gates import share_of
 from gpsim.kernels.laws import late_of, passed_of
-from gpsim.kernels.scalars import blended
 
 
 @compiled
@@ -48,21 +34,21 @@ def act(
 
     path: (2, 6) the channels at both ends of it, commands as they were given; memory of the row moves on.
     """
-    looking = 1.0 if layout[SCHEME] == FINE else 0.0
+    looking = 1.0 if layout[codes.SCHEME] == codes.FINE else 0.0
     count = 1
     for n in range(len(actuators)):
-        on = actuators[n, ON]
-        if n == 0 or actuators[n - 1, ON] != on:  # a new way
+        on = actuators[n, codes.ON]
+        if n == 0 or actuators[n - 1, codes.ON] != on:  # a new way
             count = 1
             pieces[0, 0], pieces[1, 0], pieces[2, 0] = u[on], h, t
-        gated = actuators[n, GATE] < actuators[n, GATE_END]
-        if LATE <= actuators[n, LAW] < PASSES:
+        gated = actuators[n, codes.GATE] < actuators[n, codes.GATE_END]
+        if codes.LATE <= actuators[n, codes.LAW] < codes.PASSES:
             untouched = pieces[0, 0]
             count = delayed(actuators, n, v, lane, memory, uneven, untouched, t, h, pieces)
             if gated:
                 acts = share_of(
-                    actuators[n, GATE],
-                    actuators[n, GATE_END],
+                    actuators[n, codes.GATE],
+                    actuators[n, codes.GATE_END],
                     conditions,
                     knots,
                     v,
@@ -76,16 +62,18 @@ def act(
         else:
             for i in range(count):
                 begin, length, before = pieces[2, i], pieces[1, i], pieces[0, i]
-                law, place = actuators[n, LAW], actuators[n, MEMORY]
-                after = passed_of(law, actuators[n, VALUE], v, lane, memory, place, before, begin, length)
+                law, place = actuators[n, codes.LAW], actuators[n, codes.MEMORY]
+                after = passed_of(
+                    law, actuators[n, codes.VALUE], v, lane, memory, place, before, begin, length
+                )
                 if gated:
                     acts = share_of(
-                        actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, lane, path, begin,
+                        actuators[n, codes.GATE], actuators[n, codes.GATE_END], conditions, knots, v, lane, path, begin,
                         looking * length,
                     )  # fmt: skip
                     after = blended(acts, after, before)
                 pieces[0, i] = after
-        if not actuators[n, FOLLOWED]:
+        if not actuators[n, codes.FOLLOWED]:
             total = pieces[0, 0]
             if count > 1:
                 total = 0.0
@@ -109,9 +97,9 @@ def delayed(
     pieces: FloatArray,
 ) -> int:
     """Fill pieces with the commands of a delay ago, and their mean where nobody follows; how many there are."""
-    depth, at = actuators[n, DEPTH], actuators[n, MEMORY]
+    depth, at = actuators[n, codes.DEPTH], actuators[n, codes.MEMORY]
     head = int(memory[at + 2 * depth])
-    delay = late_of(actuators[n, LAW], h, t, v, actuators[n, VALUE], lane)
+    delay = late_of(actuators[n, codes.LAW], h, t, v, actuators[n, codes.VALUE], lane)
     if uneven:
         count = met(memory, at, depth, head, delay, u, h, pieces)
     else:
@@ -123,7 +111,7 @@ def delayed(
         pieces[1, 0], count = back - whole, 2
         pieces[1, 1] = 1.0 - pieces[1, 0]
     memory[at + 2 * depth] = (head + 1) % depth
-    if not actuators[n, FOLLOWED]:
+    if not actuators[n, codes.FOLLOWED]:
         total = 0.0
         if uneven:
             for i in range(count):

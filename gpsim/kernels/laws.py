@@ -12,24 +12,9 @@ from typing import Any
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects import arguments
 from gpsim.kernels import codes, lanes, tables
-from gpsim.kernels.codes import (
-    CURVE,
-    FIRST,
-    GIVES,
-    KIND_WIDTH,
-    LAW,
-    LOADED,
-    ON,
-    PUSHES,
-    TURN_CURVE,
-    TURNS,
-    VALUE,
-    WEIGHED,
-)
-from gpsim.kernels.compiling import compiled
-from gpsim.kernels.curves import curve, curve_of
+from gpsim.kernels.compiling import blended, compiled, place
+from gpsim.kernels.gates import curve, curve_of
 from gpsim.kernels.lanes import LANES, MOST, ONE, R1, R2, SUM, U, Y
-from gpsim.kernels.scalars import blended, place
 from gpsim.kernels.tables import Formula
 
 TINY = 2.2250738585072014e-308  # the smallest normal number
@@ -61,7 +46,7 @@ def _loops(
     lines = [f"def {name}(b, lanes, law, at, v, {taken}):", f"    {before}"]
     for one in laws:
         texts = dict(known)
-        if one.number // KIND_WIDTH * KIND_WIDTH == WEIGHED:
+        if one.number // codes.KIND_WIDTH * codes.KIND_WIDTH == codes.WEIGHED:
             texts["load"] = "b[LOAD + i]"
         said = body.replace("LAW", _asked(one, texts, "v[at + {}, i]"))
         lines += [f"    if law == {one.number}:", "        for i in range(lanes):", f"            {said}"]
@@ -72,7 +57,7 @@ def _loops(
 push_of = _loops(
     "push_of",
     "position, speed, to, shares, n",
-    (PUSHES,),
+    (codes.PUSHES,),
     {"q": "b[position + i]", "speed": "b[speed + i]"},
     "position, speed, to = place(position), place(speed), place(to)",
     "b[to + i] += LAW * shares[n, i]",
@@ -81,7 +66,7 @@ push_of = _loops(
 grip_of = _loops(
     "grip_of",
     "position, speed, load, shares, n",
-    (codes.GRIPS, WEIGHED, LOADED),
+    (codes.GRIPS, codes.WEIGHED, codes.LOADED),
     {"q": "b[position + i]", "speed": "b[speed + i]", "load": "abs(b[load + i])"},
     "position, speed, load = place(position), place(speed), place(load)",
     "b[MOST + i] += LAW * shares[n, i]",
@@ -90,7 +75,7 @@ grip_of = _loops(
 given_of = _loops(
     "given_of",
     "command, speed",
-    (GIVES,),
+    (codes.GIVES,),
     {"u": "b[command + i]", "speed": "b[speed + i]"},
     "command, speed = place(command), place(speed)",
     "b[command + i] = LAW",
@@ -108,7 +93,7 @@ correct_of = _loops(
 twist_of = _loops(
     "twist_of",
     "n",
-    (TURNS,),
+    (codes.TURNS,),
     {"v": "b[R + i]", "lateral": "b[R1 + i]", "w": "b[R2 + i]"},
     "pass",
     "b[R + i], b[R1 + i], b[R2 + i] = LAW",
@@ -176,14 +161,25 @@ def force(
     to: int,
 ) -> None:
     """Add to `to` a smooth force on the coordinate of the term n in the stage's state."""
-    law, at = terms[n, LAW], terms[n, VALUE]
-    position = place(Y + 2 * terms[n, ON] * LANES)
+    law, at = terms[n, codes.LAW], terms[n, codes.VALUE]
+    position = place(Y + 2 * terms[n, codes.ON] * LANES)
     speed, to = place(position + LANES), place(to)
-    if law >= PUSHES:
+    if law >= codes.PUSHES:
         push_of(b, lanes, law, at, v, position, speed, to, shares, n)
         return
-    about = terms[n, CURVE]
-    curve(b, lanes, speed if curves[about, FIRST] else position, position, at, curves, about, knots, v, ONE)
+    about = terms[n, codes.CURVE]
+    curve(
+        b,
+        lanes,
+        speed if curves[about, codes.FIRST] else position,
+        position,
+        at,
+        curves,
+        about,
+        knots,
+        v,
+        ONE,
+    )
     for i in range(lanes):
         b[to + i] += b[ONE + i] * shares[n, i]
 
@@ -201,15 +197,17 @@ def grip(
     knots: FloatArray,
 ) -> None:
     """Add to MOST what the dry friction of the term n can hold; loaded: there is a normal force, in LOAD."""
-    law, at = terms[n, LAW], terms[n, VALUE]
-    position = place(Y + 2 * terms[n, ON] * LANES)
+    law, at = terms[n, codes.LAW], terms[n, codes.VALUE]
+    position = place(Y + 2 * terms[n, codes.ON] * LANES)
     speed = place(position + LANES)
-    if law >= PUSHES:
-        if loaded or law < WEIGHED or law >= LOADED:
-            grip_of(b, lanes, law, at, v, position, speed, place(U + terms[n, CURVE] * LANES), shares, n)
+    if law >= codes.PUSHES:
+        if loaded or law < codes.WEIGHED or law >= codes.LOADED:
+            grip_of(
+                b, lanes, law, at, v, position, speed, place(U + terms[n, codes.CURVE] * LANES), shares, n
+            )
         return
-    about = terms[n, CURVE]
-    of_speed = curves[about, FIRST] == 1
+    about = terms[n, codes.CURVE]
+    of_speed = curves[about, codes.FIRST] == 1
     curve(b, lanes, speed if of_speed else position, position, at, curves, about, knots, v, ONE)
     if of_speed:  # of what rests, the mean of both directions
         for i in range(lanes):
@@ -224,12 +222,12 @@ def twist(
     b: FloatArray, lanes: int, terms: IntArray, n: int, v: FloatArray, curves: IntArray, knots: FloatArray
 ) -> None:
     """Change R to what a vehicle makes of that twist (speed, sideways speed, turn rate), which was in SUM before."""
-    law, at = terms[n, LAW], terms[n, VALUE]
-    if law >= TURNS:
+    law, at = terms[n, codes.LAW], terms[n, codes.VALUE]
+    if law >= codes.TURNS:
         twist_of(b, lanes, law, at, v, n)
         return
-    curve(b, lanes, place(SUM), place(SUM + 2 * LANES), at, curves, terms[n, CURVE], knots, v, ONE)
-    if law == TURN_CURVE:
+    curve(b, lanes, place(SUM), place(SUM + 2 * LANES), at, curves, terms[n, codes.CURVE], knots, v, ONE)
+    if law == codes.TURN_CURVE:
         for i in range(lanes):
             b[R2 + i] += b[ONE + i]
     else:

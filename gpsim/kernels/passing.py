@@ -10,25 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.codes import (
-    DEPTH,
-    FINE,
-    GATE,
-    GATE_END,
-    LATE,
-    LAW,
-    MEMORY,
-    ON,
-    PASSES,
-    SCHEME,
-    SUBSTEPS,
-    UNEVEN,
-    VALUE,
-)
-from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
+from gpsim.kernels import codes
+from gpsim.kernels.compiling import F1, F2, F3, I1, I2, blended, compiled, entry
 from gpsim.kernels.gates import share_of
 from gpsim.kernels.laws import changed_by, late_of
-from gpsim.kernels.scalars import blended
 
 
 @compiled
@@ -142,22 +127,28 @@ def pass_on(
             pieces[1, m], pieces[2, m], of[m] = steps[1, m], steps[0, m], m
         used = count
         for line in range(len(actuators)):
-            if actuators[line, ON] != x:
+            if actuators[line, codes.ON] != x:
                 continue
-            law, at, place = actuators[line, LAW], actuators[line, VALUE], actuators[line, MEMORY]
-            first, end = actuators[line, GATE], actuators[line, GATE_END]
+            law, at, place = (
+                actuators[line, codes.LAW],
+                actuators[line, codes.VALUE],
+                actuators[line, codes.MEMORY],
+            )
+            first, end = actuators[line, codes.GATE], actuators[line, codes.GATE_END]
             if first < end:
                 was[:used] = pieces[0, :used]
-            if LATE <= law < PASSES:
-                depth = actuators[line, DEPTH]
-                used = late(layout[UNEVEN], times, depth, law, v, at, memory, place, steps, heard, pieces, of)
+            if codes.LATE <= law < codes.PASSES:
+                depth = actuators[line, codes.DEPTH]
+                used = late(
+                    layout[codes.UNEVEN], times, depth, law, v, at, memory, place, steps, heard, pieces, of
+                )
             else:
                 changed_by(law, at, v, lane, memory, place, pieces[0], pieces[1], pieces[2], used)
             if first < end:
-                path, looking = np.zeros((2, 6)), (1.0 if layout[SCHEME] == FINE else 0.0)
+                path, looking = np.zeros((2, 6)), (1.0 if layout[codes.SCHEME] == codes.FINE else 0.0)
                 for i in range(used):  # of what a delay does, the share of the substep counts
-                    m = of[i] if law < PASSES else i
-                    t, h = (steps[0, m], steps[1, m]) if law < PASSES else (pieces[2, i], pieces[1, i])
+                    m = of[i] if law < codes.PASSES else i
+                    t, h = (steps[0, m], steps[1, m]) if law < codes.PASSES else (pieces[2, i], pieces[1, i])
                     acts = share_of(first, end, conditions, knots, v, lane, path, t, looking * h)
                     pieces[0, i] = blended(acts, pieces[0, i], was[m])
         if used == count:
@@ -193,7 +184,7 @@ def travel(
     values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); earlier:
     (W, M + 1) s and led: (W, M, A), those of whole control steps before; memories: (U, .) at their start, or (1, .).
     """
-    n, width = layout[SUBSTEPS], memories.shape[1]
+    n, width = layout[codes.SUBSTEPS], memories.shape[1]
     count, times = given.shape[1] * n, n if led.shape[1] else 1
     most = max(count, led.shape[1]) + n * width  # twice what a delay remembers at least, and what comes
     room, of, v = np.empty((6, 3 * most)), np.empty(3 * most, dtype=np.int64), np.empty((values.shape[1], 1))

@@ -39,12 +39,7 @@ from gpsim.kernels.lanes import LANES, LOAD, U
 from gpsim.kernels.tables import LAWS, Hat
 from gpsim.simulators import Memory, Whole, unwrapped, whole
 
-SCHEMES = {
-    "fine": codes.FINE,
-    "euler": codes.EULER,
-    "semi_implicit": codes.SEMI_IMPLICIT,
-    "rk4": codes.RK4,
-}
+SCHEMES = {"fine": codes.FINE, "euler": codes.EULER, "semi_implicit": codes.SEMI_IMPLICIT, "rk4": codes.RK4}
 ACTION = 4  # the first column of an action among a compiled state's channels
 Column = tuple[int, str, float, str]
 """Where a number of a row comes from: a term, the name among its values, what it is where that is missing, and another

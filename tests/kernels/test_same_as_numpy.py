@@ -4,19 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drawn_chains import (
-    COPIES,
-    DT,
-    SCHEMES,
-    Drawn,
-    both,
-    drawn,
-    gates,
-    places,
-    region,
-    the_same,
-    windows_of,
-)
+from drawn_chains import COPIES, DT, SCHEMES, Drawn, both, drawn, gates, places, region, the_same, windows_of
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.fitting import Hypothesis

@@ -40,7 +40,7 @@ class ActuatorGain(ActuatorEffect):
             4.0,
             "1",
             "torque constants are within 10 % (data sheets), gears and units are mistaken by a factor of two or three",
-        ),
+        )
     }
 
     @staticmethod
@@ -63,9 +63,7 @@ class ActuatorBias(ActuatorEffect):
     function_of = "command"
     needs = "nothing"
     order = 70
-    plausible = {
-        "bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded"),
-    }
+    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded")}
 
     @staticmethod
     def law(u: Each, bias: Each) -> Each:
@@ -132,7 +130,7 @@ class ActuatorSaturation(ActuatorEffect):
     function_of = "command"
     order = 30
     plausible = {
-        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can"),
+        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can")
     }
 
     @staticmethod
@@ -190,7 +188,7 @@ class BatterySag(ActuatorEffect):
     plausible = {
         "loss_per_second": Plausible(
             0.0, 1.0, "1 / reach", "by reason: a battery that is empty at the end of the recording"
-        ),
+        )
     }
 
     @staticmethod
@@ -277,7 +275,7 @@ class ActuatorLag(ActuatorEffect):
             "step",
             "electric drives 0.01 to 0.1 s, servos and cars up to 0.5 s (Rajamani 2012, chapter 5)",
             least=1.0,
-        ),
+        )
     }
 
     @staticmethod
@@ -308,9 +306,7 @@ class ActuatorDelay(LateEffect):
     sentence = "{on} acts {delay} late"
     order = 10
     plausible = {
-        "delay": Plausible(
-            0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5
-        ),
+        "delay": Plausible(0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5)
     }
 
     @staticmethod
@@ -353,7 +349,7 @@ class ClockDrift(LateEffect):
             TOLERATED,
             "1",
             "crystals 1 to 100 ppm each; clocks are steered by 500 at most (Linux, adjtimex(2))",
-        ),
+        )
     }
 
     @staticmethod

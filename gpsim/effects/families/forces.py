@@ -29,7 +29,7 @@ class ViscousFriction(ForceEffect):
             3.0,
             "size / speed",
             "friction beyond the drive lets nothing move (EMPS axis: 203 N s/m; Janot, Gautier and Brunot 2019)",
-        ),
+        )
     }
 
     @staticmethod
@@ -58,7 +58,7 @@ class QuadraticDrag(ForceEffect):
             3.0,
             "size / speed^2",
             "drag beyond the driving force would stop what it brakes (Batchelor 1967, section 5.11)",
-        ),
+        )
     }
 
     @staticmethod
@@ -86,7 +86,7 @@ class Spring(ForceEffect):
             10.0,
             "size / reach",
             "by reason: a spring ten times as stiff as what drives it lets nothing move",
-        ),
+        )
     }
 
     @staticmethod
@@ -146,7 +146,7 @@ class ConstantForce(ForceEffect):
     plausible = {
         "force": Plausible(
             0.0, 3.0, "size", "by reason: what pulls harder than the drive carries everything off"
-        ),
+        )
     }
 
     @staticmethod
@@ -173,7 +173,7 @@ class CoggingForce(ForceEffect):
     plausible = {
         "amplitude": Plausible(
             0.0, 3.0, "size", "by reason: a ripple beyond the drive holds the body in one tooth"
-        ),
+        )
     }
 
     @staticmethod
@@ -309,7 +309,7 @@ class LocalFrictionPatch(ForceEffect):
     patch_of = "coulomb_friction"
     dry = True
     plausible = {
-        "force": Plausible(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through"),
+        "force": Plausible(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through")
     }
     law = staticmethod(CoulombFriction.law)
 
@@ -338,10 +338,7 @@ class StribeckFriction(ForceEffect):
     plausible = {
         "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
         "static_force": Plausible(
-            0.0,
-            3.0,
-            "size",
-            "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)",
+            0.0, 3.0, "size", "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)"
         ),
         "rise": Plausible(0.0, 3.0, "size", "at rest at most twice the sliding force (the same)"),
         "stribeck_velocity": Plausible(
@@ -403,7 +400,7 @@ class LoadFriction(ForceEffect):
             0.4,
             "1",
             "gears: 2 % (one spur stage) to 40 % (four of them) of what they transmit (data sheets)",
-        ),
+        )
     }
 
     @staticmethod
@@ -431,12 +428,7 @@ class LugreFriction(BristleEffect):
     noun = "LuGre friction"
     sentence = "friction on {on} of {force} that yields before it slides ({stiffness}) was left out"
     variants = ("", "stribeck")
-    takes = {
-        "force": np.nan,
-        "static_force": 0.0,
-        "stribeck_velocity": 1.0,
-        "stiffness": np.nan,
-    }
+    takes = {"force": np.nan, "static_force": 0.0, "stribeck_velocity": 1.0, "stiffness": np.nan}
     plausible = {
         "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
         "static_force": Plausible(0.0, 3.0, "size", "as Stribeck friction"),

@@ -29,7 +29,7 @@ class ParameterOffset(ParameterEffect):
             4.0,
             "1",
             "masses are off by tens of per cent (Armstrong, Khatib and Burdick 1986), an uncounted drive doubles them",
-        ),
+        )
     }
 
     @staticmethod
@@ -69,7 +69,7 @@ class Payload(ModelEffect):
             5.0,
             "size",
             "what arms lift by their data sheets: five times of what their last body weighs, or half of all that moves",
-        ),
+        )
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -103,7 +103,7 @@ class Armature(ModelEffect):
             "size",
             "some 0.1 kg m^2 on small arms (MuJoCo Menagerie), as much as the load where gears are matched",
             least=1.0,
-        ),
+        )
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -144,7 +144,7 @@ class GravityCompensation(ModelEffect):
     function_of = "nothing"
     noun = "gravity compensation"
     plausible = {
-        "share": Plausible(0.8, 1.2, "1", "compensated by a model whose masses are off by some ten per cent"),
+        "share": Plausible(0.8, 1.2, "1", "compensated by a model whose masses are off by some ten per cent")
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -78,7 +78,7 @@ class SensorScale(SensorEffect):
     function_of = "reading"
     order = 40
     plausible = {
-        "scale": Plausible(0.5, 2.0, "1", "wheel radii and tracks 1 to 10 % (Borenstein and Feng 1996)"),
+        "scale": Plausible(0.5, 2.0, "1", "wheel radii and tracks 1 to 10 % (Borenstein and Feng 1996)")
     }
 
     @staticmethod
@@ -166,7 +166,7 @@ class SensorLag(SensorEffect):
     plausible = {
         "time_constant": Plausible(
             0.0, 5.0, "step", "firmware filters speeds with cut-offs of 3 to 150 Hz: 1 to 50 ms", least=0.1
-        ),
+        )
     }
 
     @staticmethod
@@ -205,9 +205,7 @@ class SensorDelay(SensorEffect):
     function_of = "nothing"
     order = 10
     memory = ("past", "head")
-    plausible = {
-        "delay": Plausible(0.0, 5.0, "step", "cameras and filters 0.01 to 0.2 s", least=0.5),
-    }
+    plausible = {"delay": Plausible(0.0, 5.0, "step", "cameras and filters 0.01 to 0.2 s", least=0.5)}
 
     def reach(self, values: Values) -> float:
         """The longest delay [s]."""

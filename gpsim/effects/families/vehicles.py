@@ -26,7 +26,7 @@ class WheelSaturation(VehicleEffect):
     plausible = {
         "track": Plausible(
             0.05, 1.5, "1", "differential drives: 0.05 m (e-puck) to 1 m (warehouse robots), data sheets"
-        ),
+        )
     }
 
     @staticmethod
@@ -82,7 +82,7 @@ class Understeer(VehicleEffect):
             5.0,
             "1",
             "1/V^2, V the characteristic speed: of cars 20 to 30 m/s (Gillespie 1992), of models some 0.5 m/s",
-        ),
+        )
     }
 
     @staticmethod
@@ -107,7 +107,7 @@ class SteeringBias(VehicleEffect):
     plausible = {
         "curvature": Plausible(
             0.0, 2.0, "1", "by reason: small robots turn with 2/m at the most (a Limo: 0.46 m)"
-        ),
+        )
     }
 
     @staticmethod
@@ -134,7 +134,7 @@ class CorneringDrag(VehicleEffect):
     order = 30
     changes = "v"
     plausible = {
-        "drag": Plausible(0.0, 1.0, "1", "by reason: half of the speed is lost at 1 m/s^2 of model cars"),
+        "drag": Plausible(0.0, 1.0, "1", "by reason: half of the speed is lost at 1 m/s^2 of model cars")
     }
 
     @staticmethod
@@ -162,7 +162,7 @@ class LateralSlip(VehicleEffect):
     plausible = {
         "slip": Plausible(
             0.0, 1.0, "1", "m l_f / (L C) v at low slip: cars 0.01 to 0.1 s (Gillespie 1992, chapter 6)"
-        ),
+        )
     }
 
     @staticmethod
