@@ -1,16 +1,14 @@
-"""docs/reference/effects.md: the catalogue, from the registry and what the files of the families say of themselves."""
+"""docs/reference/effects.md: the catalogue, from the registry and what the families' classes say of themselves."""
 
 import inspect
 import math
 import re
-import sys
-from types import ModuleType
 
 from gpsim.diagnosis.fitting.hypothesis import LOG_SIZE
 from gpsim.diagnosis.ladder import USUAL as USUAL_LAWS
 from gpsim.diagnosis.settings import Settings
 from gpsim.effects.effect import Effect
-from gpsim.effects.families.clock_drift import TOLERATED
+from gpsim.effects.families.actuators import TOLERATED
 from gpsim.effects.place import Place, Plausible
 from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES
 
@@ -181,7 +179,7 @@ def _row(family: str, effect: Effect) -> list[str]:
 
 
 def _law(effect: Effect) -> str:
-    """The first sentence of its file, without the words before a colon that only say the family's name again."""
+    """The first sentence of its class, without the words before a colon that only say the family's name again."""
     law = _parts(effect)[0].rstrip(".")
     before, _, after = law.partition(": ")
     told = after if after and len(before.split()) <= MOST_WORDS else law
@@ -189,14 +187,9 @@ def _law(effect: Effect) -> str:
 
 
 def _parts(effect: Effect) -> tuple[str, str]:
-    """What the file says of itself: the law, and the source behind it."""
-    module: ModuleType = sys.modules[type(effect).__module__]
-    head, _, below = inspect.cleandoc(module.__doc__ or "").partition("\n\n")
-    head = " ".join(head.split())
-    if not below:  # law and source in one paragraph
-        law, _, source = head.partition(". ")
-        return law, source
-    return head, " ".join(below.split())
+    """What the class says of itself: the law, and the source behind it."""
+    head, _, below = (inspect.getdoc(type(effect)) or "").partition("\n\n")
+    return " ".join(head.split()), " ".join(below.split())
 
 
 def _source(effect: Effect) -> str:

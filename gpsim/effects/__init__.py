@@ -1,7 +1,9 @@
-"""Effects: what may be missing. One small file a family, found through one explicit registry."""
+"""Effects: what may be missing. A class a family, in one file a site, found through one explicit registry."""
 
 from gpsim.effects.bristles import bent, mean_force
 from gpsim.effects.brought import (
+    INPUTS,
+    RETURNS,
     Brought,
     again,
     bring,
@@ -26,26 +28,42 @@ from gpsim.effects.effect import (
     ElasticDrive,
     ForceEffect,
     FunctionOf,
+    Law,
     ModelEffect,
     ParameterEffect,
     RateEffect,
     SensorEffect,
     Values,
     VehicleEffect,
+    arguments,
     changed,
+    declared,
 )
-from gpsim.effects.elapsed import even
 from gpsim.effects.elastic import transmitted, turned, twisted
+from gpsim.effects.families.actuators import TOLERATED, ActuatorLag
+from gpsim.effects.families.sensors import SensorLag
 from gpsim.effects.forces import bend_key
-from gpsim.effects.measured import Measured, Shape, shape_of
-from gpsim.effects.own import base_name, own_name, own_values, owner_of
-from gpsim.effects.place import EffectParameter, Place, Plausible
-from gpsim.effects.plain import INPUTS, RETURNS
-from gpsim.effects.plausible import declared, times_beyond
+from gpsim.effects.late import LateEffect, even
+from gpsim.effects.measured import Axis, Curve, Measured, Shape, corners, shape_of, tabled
+from gpsim.effects.place import EffectParameter, Place, Plausible, times_beyond
 from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES, effect_of, has_patch
-from gpsim.effects.tabled import Axis, Curve, corners, tabled
 from gpsim.effects.template import template
-from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
+from gpsim.effects.term import (
+    EPISODE,
+    FROM,
+    IN_EPISODE,
+    TO,
+    Gate,
+    LooksAt,
+    Moment,
+    Term,
+    base_name,
+    from_json,
+    own_name,
+    own_values,
+    owner_of,
+    to_json,
+)
 from gpsim.effects.trying import PLACE, Check, check, tried
 
 __all__ = [
@@ -61,7 +79,9 @@ __all__ = [
     "RETURNS",
     "RISE",
     "TO",
+    "TOLERATED",
     "ActuatorEffect",
+    "ActuatorLag",
     "Axis",
     "BristleEffect",
     "Brought",
@@ -76,6 +96,8 @@ __all__ = [
     "ForceEffect",
     "FunctionOf",
     "Gate",
+    "LateEffect",
+    "Law",
     "LooksAt",
     "Measured",
     "ModelEffect",
@@ -86,11 +108,13 @@ __all__ = [
     "RateEffect",
     "Scheme",
     "SensorEffect",
+    "SensorLag",
     "Shape",
     "Term",
     "Values",
     "VehicleEffect",
     "again",
+    "arguments",
     "base_name",
     "bend_key",
     "bent",

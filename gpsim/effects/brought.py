@@ -1,7 +1,23 @@
 """Families that a user brings: from a file (FILE.py, FILE.py:Class), a class of the program, or an installed package.
 
 They stand in the registry beside the catalogue's, here and in worker processes, and are asked where somebody says so.
-A package names its own in the entry point group `gpsim.effects`.
+A package names its own in the entry point group `gpsim.effects`. Such a class is a few lines, checked once at the door,
+and made a family like any other:
+
+    class Cable:
+        '''A dragged cable: it pulls back by its weight for every metre that is paid out.'''
+
+        site = "force"
+        parameters = {"weight": ("N/m", 0.0, 50.0, 1.0)}         # unit, low, high, where a fit starts
+
+        def law(self, q, speed, weight):                         # (B,) arrays: one entry a row of the batch
+            return -weight * q
+
+Sites and what their law takes before the parameters: see `INPUTS`. Optional: `nothing = {"gain": 1.0}` is the value at
+which it does nothing (0 unless said, inf of a limit); `on = ("q",)` names the only places; `memory = ("level",)` gives
+an actuator's law arrays that begin at 0 and belong to each run, as `law(self, u, ..., memory, step)`; `of = "speed"`
+says what the law is a function of, so that a free curve is held against it; `noun`, `sentence`, `source` are words.
+A class that derives from one of `gpsim.effects` is taken as it is.
 """
 
 from __future__ import annotations
@@ -9,23 +25,70 @@ from __future__ import annotations
 import copyreg
 import hashlib
 import inspect
+import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal, get_args
 
-from gpsim.effects.effect import Effect
-from gpsim.effects.plain import adapted
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import (
+    ActuatorEffect,
+    DriveEffect,
+    Effect,
+    ForceEffect,
+    FunctionOf,
+    ParameterEffect,
+    SensorEffect,
+    Values,
+    VehicleEffect,
+)
+from gpsim.effects.place import EffectParameter, Place
 from gpsim.effects.registry import CATALOGUE, FAMILIES, effect_of
 from gpsim.errors import UsageError
-from gpsim.simulators import asked, module_of, said
+from gpsim.simulators import Simulator, asked, module_of, read_only, refuse_complex, said
 from gpsim.trust import check_file, consent
 
 GROUP = "gpsim.effects"
 HERE = "()"
 """The end of the name of a class that this program alone knows."""
+Site = Literal["force", "friction", "actuator", "drive", "parameter", "vehicle", "sensor"]
+INPUTS: Mapping[str, tuple[str, ...]] = {
+    "force": ("q", "speed"),
+    "friction": ("q", "speed"),
+    "actuator": ("u",),
+    "drive": ("u", "speed"),
+    "parameter": ("believed",),
+    "vehicle": ("v", "lateral", "w"),
+    "sensor": ("y",),
+}
+"""Site -> what its law takes first: a coordinate's position and speed; a command, at a drive the speed of what it
+drives, too; a parameter as it is believed; a vehicle's speed, sideways speed and turn rate; what a sensor reads."""
+RETURNS: Mapping[str, str] = {
+    "force": "the force on the coordinate",
+    "friction": "the most that dry friction can resist with, at least 0",
+    "actuator": "what the simulator gets",
+    "drive": "what the drive gives",
+    "parameter": "the parameter's value",
+    "vehicle": "v, lateral and w, three arrays",
+    "sensor": "what is read",
+}
+BASES: Mapping[str, Any] = {
+    "force": ForceEffect,
+    "friction": ForceEffect,
+    "actuator": ActuatorEffect,
+    "drive": DriveEffect,
+    "parameter": ParameterEffect,
+    "vehicle": VehicleEffect,
+    "sensor": SensorEffect,
+}
+STEPS = 0.05  # of a parameter's start: its typical size where that is 0 is this of its bounds
+FORM = 'name: (unit, low, high, start), as {"weight": ("N/m", 0.0, 50.0, 1.0)}'
 
 
 @dataclass(frozen=True)
@@ -204,3 +267,159 @@ def again(origins: Mapping[str, Mapping[str, str]], where: str) -> tuple[Brought
             )
         out.append(one)
     return tuple(out)
+
+
+def adapted(instance: Any, reference: str) -> Effect:
+    """A user's object as an effect; raises UsageError in one line that names what is at fault."""
+    if isinstance(instance, Effect):
+        for name in ("family", "function_of"):
+            if not isinstance(getattr(instance, name, None), str):
+                raise UsageError(f"{reference}: '{name}' must be said, as in a family of gpsim.effects")
+        vars(instance)["asked"] = False  # nobody asks for it but who brought it
+        return instance
+    said = getattr(instance, "site", None)
+    site: Site | None = next((one for one in get_args(Site) if one == said), None)
+    if site is None:
+        raise UsageError(f"{reference}: 'site' must be one of {', '.join(INPUTS)}, got {said!r}")
+    on, declared = getattr(instance, "on", ()), _parameters(instance, reference)
+    _check_law(instance, site, reference)
+    made: dict[str, Any] = {
+        "__doc__": inspect.getdoc(instance) or "",
+        "family": _family(instance, reference),
+        "function_of": _function_of(instance, reference),
+        "order": int(getattr(instance, "order", 50)),
+        "gated": bool(getattr(instance, "gated", site not in ("drive", "sensor"))),
+        "asked": False,
+        "memory": tuple(getattr(instance, "memory", ())),
+        "given": instance,
+        "given_site": site,
+        "reference": reference,
+        "declared": declared,
+        "on": (on,) if isinstance(on, str) else tuple(on),
+    }
+    made |= {name: str(getattr(instance, name, "")) for name in ("noun", "sentence", "source")}
+    made |= {"dry": True} if site == "friction" else {}
+    made_class: Any = type(type(instance).__name__, (_Plain, BASES[site]), made)
+    found: Effect = made_class()
+    return found
+
+
+class _Plain(Effect):
+    """A user's object, and how its law is asked."""
+
+    source: ClassVar[str]
+    given: ClassVar[Any]
+    given_site: ClassVar[Site]
+    reference: ClassVar[str]
+    declared: ClassVar[tuple[EffectParameter, ...]]
+    on: ClassVar[tuple[str, ...]]
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """As the user declares them."""
+        return self.declared
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Where its site says; of those the ones that the user names."""
+        every = super().places(simulator)  # type: ignore[safe-super]  # the site's class comes after this one
+        return tuple(on for on in every if not self.on or on in self.on)
+
+    def weighs(self, values: Mapping[str, Any]) -> bool:
+        """No user's friction knows its load."""
+        return False
+
+    def ask(self, values: Values, **known: Any) -> Any:
+        """What the law says, an array of the inputs' shape each, and then what it remembers."""
+        inputs = [known[name] for name in self.inputs[: len(INPUTS[self.given_site])]]
+        given = [*inputs, *(values[p.name] for p in self.declared)]
+        shape = np.broadcast_shapes(*map(np.shape, given))
+        flat = [read_only(np.broadcast_to(a, shape).reshape(-1)) for a in given]
+        kept = {name: known[name] for name in self.memory}
+        extra = {"memory": kept, "step": read_only(known["step"])} if kept else {}
+        said = asked(lambda: self.given.law(*flat, **extra), "law", self.reference)
+        several = self.given_site == "vehicle"
+        if several and (not isinstance(said, tuple | list) or len(said) != 3):
+            raise UsageError(f"{self.reference}: law must return v, lateral and w, got {type(said).__name__}")
+        parts = [self._checked(part, shape) for part in (said if several else (said,))]
+        if self.given_site == "friction":
+            return np.maximum(parts[0], 0.0)
+        return (*parts, *kept.values()) if several or kept else parts[0]
+
+    def _checked(self, part: Any, shape: tuple[int, ...]) -> FloatArray:
+        try:
+            array = np.asarray(part)
+        except ValueError:
+            array = np.asarray(None)
+        refuse_complex(array, "law", self.reference)
+        rows = math.prod(shape)
+        numbers = np.issubdtype(array.dtype, np.number) or array.dtype == np.bool_
+        if array.shape not in ((), (rows,)) or not numbers:
+            raise UsageError(
+                f"{self.reference}: law must return {rows} numbers, one a row of the batch, got shape {array.shape} of "
+                f"{array.dtype}"
+            )
+        return np.array(np.broadcast_to(array, (rows,)), dtype=np.float64).reshape(shape)
+
+
+def _family(instance: Any, reference: str) -> str:
+    """Its name in diagnosis.json: `family`, or the class's name in lower case with underscores."""
+    said = getattr(instance, "family", "") or re.sub(r"(?<!^)(?=[A-Z])", "_", type(instance).__name__).lower()
+    if not isinstance(said, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", said):
+        raise UsageError(
+            f"{reference}: 'family' must be a name of small letters, digits and underscores, got {said!r}"
+        )
+    return said
+
+
+def _function_of(instance: Any, reference: str) -> FunctionOf:
+    said = getattr(instance, "of", "nothing")
+    found: FunctionOf | None = next((of for of in get_args(FunctionOf) if of == said), None)
+    if found is None:
+        raise UsageError(f"{reference}: 'of' must be one of {', '.join(get_args(FunctionOf))}, got {said!r}")
+    return found
+
+
+def _parameters(instance: Any, reference: str) -> tuple[EffectParameter, ...]:
+    declared, nothing = getattr(instance, "parameters", None), dict(getattr(instance, "nothing", {}))
+    if not isinstance(declared, Mapping) or not declared:
+        raise UsageError(f"{reference}: 'parameters' must be {FORM}, got {declared!r}")
+    return tuple(
+        _parameter(str(n), said, float(nothing.get(n, 0.0)), reference) for n, said in declared.items()
+    )
+
+
+def _parameter(name: str, said: Any, none: float, reference: str) -> EffectParameter:
+    try:
+        unit, low, high, start = said
+        starts = tuple(float(s) for s in (start if isinstance(start, list | tuple) else (start,)))
+        low, high = float(low), float(high)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{reference}: parameters['{name}'] must be {FORM}, got {said!r}") from error
+    good = math.isfinite(low) and math.isfinite(high) and starts and all(low <= s <= high for s in starts)
+    if not isinstance(unit, str) or not good or low >= high:
+        raise UsageError(
+            f"{reference}: parameters['{name}'] needs a unit and finite numbers low <= start <= high, got {said!r}"
+        )
+    limit = math.isinf(none)
+    if not limit and not low <= none <= high:
+        raise UsageError(
+            f"{reference}: parameters['{name}'] does nothing at {none:g}, which is not between {low:g} and {high:g}: "
+            "widen its bounds, or say where it does nothing in 'nothing' (inf of a limit)"
+        )
+    scale = max(abs(starts[0] - (0.0 if limit else none)), STEPS * (high - low))
+    return EffectParameter(name, unit, low, high, starts, scale, 0.0 if limit else none, falls=limit)
+
+
+def _check_law(instance: Any, site: Site, reference: str) -> None:
+    law, declared = getattr(instance, "law", None), getattr(instance, "parameters", {})
+    memory = tuple(getattr(instance, "memory", ()))
+    if memory and site != "actuator":
+        raise UsageError(f"{reference}: 'memory' is an actuator's; a law at the site {site} has none")
+    expected = [*INPUTS[site], *map(str, declared), *(("memory", "step") if memory else ())]
+    if not callable(law):
+        raise UsageError(f"{reference}: it needs a method law(self, {', '.join(expected)})")
+    taken = [p for p in inspect.signature(law).parameters.values() if p.kind is not p.VAR_KEYWORD]
+    first = len(INPUTS[site])
+    if len(taken) != len(expected) or [p.name for p in taken[first:]] != expected[first:]:
+        raise UsageError(
+            f"{reference}: law must take ({', '.join(expected)}), got ({', '.join(p.name for p in taken)})"
+        )

@@ -11,17 +11,9 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects import elastic
-from gpsim.effects.actuation import Actuation
+from gpsim.effects.actuation import Actuation, Grid, blended
 from gpsim.effects.closed_step import ClosedStep, closed
-from gpsim.effects.commands import Grid, blended
-from gpsim.effects.effect import (
-    DriveEffect,
-    ElasticDrive,
-    ParameterEffect,
-    RateEffect,
-    Values,
-    VehicleEffect,
-)
+from gpsim.effects.effect import DriveEffect, ElasticDrive, ParameterEffect, RateEffect, Values, VehicleEffect
 from gpsim.effects.forces import Forces, Instant, bend_key
 from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
@@ -358,11 +350,7 @@ class Chain:
             out[self.terms[i].on] = blended(shares[i], value, believed) if i in shares else value
         return out
 
-    def _rates(
-        self,
-        at: Instant,
-        values: Sequence[Values],
-    ) -> FloatArray:
+    def _rates(self, at: Instant, values: Sequence[Values]) -> FloatArray:
         """Rates with every force."""
         state, parameters, shares = at.state, at.parameters, at.shares
         action = self._delivered(state, at.action, values) if self._drives else at.action

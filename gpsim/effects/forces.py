@@ -196,12 +196,7 @@ class Forces:
         return np.asarray(most / np.maximum(1.0 - share, 0.1))
 
     def _dry_friction(
-        self,
-        coordinate: int,
-        at: Instant,
-        rates: FloatArray,
-        mobility: FloatArray,
-        values: Sequence[Values],
+        self, coordinate: int, at: Instant, rates: FloatArray, mobility: FloatArray, values: Sequence[Values]
     ) -> FloatArray:
         """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
 

@@ -26,6 +26,7 @@ Of = Literal[
 """In what a range is counted: plain, or by how large things are where the effect acts (see `Place`)."""
 
 
+LEAST = 1e-6  # of the usual range's lower end: a size of 0 is no further out
 EXACT = 1e-3  # of the range that was read: how far an end may lie from where readings stand
 
 
@@ -36,7 +37,7 @@ class EffectParameter:
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
     place: whether it says where the effect acts, and not how much it does. plausible: the sizes that machines have, in
-    its unit, None where nobody says so (see `gpsim.effects.plausible`). paired: whether its starts go with those of the
+    its unit, None where nobody says so (see `Plausible`). paired: whether its starts go with those of the
     parameter before it, one by one, and not with each of them. exact: the 90 % interval that the recording itself
     gives, None where a fit does; its bounds are then none of a search. believed: the value that another look at the
     recording gave, and its deviation, which a fit begins with and weighs.
@@ -166,3 +167,14 @@ class Plausible:
         """The range at a place, in the parameter's unit."""
         unit = UNITS[self.of](place)
         return self.low * unit, max(self.high * unit, self.least)
+
+
+def times_beyond(parameter: EffectParameter, value: float) -> float:
+    """By which factor a size lies outside of the usual ones; 1 within them, and where nobody says what is usual."""
+    if parameter.plausible is None:
+        return 1.0
+    low, high = parameter.plausible
+    size = value if low > 0.0 else abs(value - parameter.none)  # a ratio below 0 turns things round
+    if size > high:
+        return size / high
+    return low / max(size, LEAST * low) if size < low else 1.0

@@ -1,4 +1,4 @@
-"""The registry of effects: every family that has a file in `families`, in the catalogue's order."""
+"""The registry of effects: every family that has a class in `families`, in the catalogue's order."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from importlib import import_module
 from inspect import isabstract
 
 from gpsim.effects import families
-from gpsim.effects.actuator_curve import ActuatorCurve
 from gpsim.effects.effect import Effect
-from gpsim.effects.force_curve import ForceCurve
-from gpsim.effects.rate_curve import RateCurve
-from gpsim.effects.sensor_curve import SensorCurve
+from gpsim.effects.measured import ActuatorCurve, ForceCurve, RateCurve, SensorCurve
 from gpsim.errors import UsageError
 
 ORDER = (

@@ -10,8 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import SensorEffect, Values, columns_of
-from gpsim.effects.families.sensor_delay import SensorDelay
-from gpsim.effects.families.sensor_lag import SensorLag
+from gpsim.effects.families.sensors import SensorDelay, SensorLag
 from gpsim.effects.term import Term
 from gpsim.simulators import Memory, Simulator, part_of
 
@@ -33,7 +32,7 @@ class Sensors:
     @cached_property
     def remembering(self) -> int:
         """How many remember."""
-        return sum(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._effects)
+        return sum(bool(effect.memory) for _, effect, _ in self._effects)
 
     def looks_back(self, values: Sequence[Values]) -> float:
         """How far back [s] they look: those of one channel after one another."""
@@ -48,11 +47,7 @@ class Sensors:
         return int(np.ceil(self.looks_back(values) / shortest)) + 2
 
     def begin(
-        self,
-        history: FloatArray,
-        values: Sequence[Values],
-        step: FloatArray,
-        steps: FloatArray | None = None,
+        self, history: FloatArray, values: Sequence[Values], step: FloatArray, steps: FloatArray | None = None
     ) -> Memory:
         """Their memory at the start of a batch, from its last true states (B, K, S), the newest last.
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gpsim.effects.plain import INPUTS, RETURNS
+from gpsim.effects.brought import INPUTS, RETURNS
 from gpsim.errors import UsageError
 
 EFFECT = '''"""An effect of your own: gpsim diagnose RECORDING --effects {file}.py"""

@@ -1,4 +1,9 @@
-"""A term: one effect at one place with its parameter values, and the gate that limits it in space or time."""
+"""A term: one effect at one place with its parameter values, and the gate that limits it in space or time.
+
+Where several recordings of one machine are judged together, a value that all share has its parameter's name. One that
+belongs to recording k alone is called `name@k` and stands in the place of the shared one there: a sensor's offset on
+one day, a payload in one log.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +14,41 @@ from typing import Any, Final
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.effects.effect import Effect, Values
-from gpsim.effects.own import own_values, owner_of
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
 
+OWN = "@"
 FROM, TO, IN_EPISODE = "from", "to", "episode"
 """Values that a search gives every row beside a law's own: edges of its gate, and which episode it is in."""
+
+
+def own_name(name: str, recording: int) -> str:
+    """What a recording's own value of a parameter is called."""
+    return f"{name}{OWN}{recording}"
+
+
+def base_name(name: str) -> str:
+    """The parameter's name, whoever's value it is."""
+    return name.partition(OWN)[0]
+
+
+def owner_of(name: str) -> int | None:
+    """The recording whose own a value is; None of one that is shared."""
+    owner = name.partition(OWN)[2]
+    return int(owner) if owner else None
+
+
+def own_values(values: Values, recordings: IntArray | None) -> Values:
+    """(B,) values by name as they are in the recording of each row (B,); None: in one without any of its own."""
+    out = {name: value for name, value in values.items() if owner_of(name) is None}
+    for name, value in values.items():
+        owner = owner_of(name)
+        if owner is not None and recordings is not None:
+            base = base_name(name)
+            out[base] = np.where(recordings == owner, value, out[base])
+    return out
 
 
 class Moment(Enum):
@@ -121,7 +153,7 @@ def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> Float
 class Term:
     """One effect on `on` with parameter values; `variant` names the law where a family has several.
 
-    Some values may be one recording's own, where several are judged together: see `gpsim.effects.own`. also: further
+    Some values may be one recording's own, where several are judged together: see this file. also: further
     actions on which it acts alike: commands over one bus come equally late.
     """
 

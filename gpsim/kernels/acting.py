@@ -1,4 +1,4 @@
-"""Commands on their way through one row's actuators, a substep at a time (see `gpsim.effects.commands`).
+"""Commands on their way through one row's actuators, a substep at a time (see `gpsim.effects.actuation`).
 
 What several commands make of one substep, after a delay, goes on in pieces: (3, .) values, lengths [s], and when they
 begin [s]. An actuator's memory is a level, or the commands of a delay, the newest last in a ring, how long each of them
@@ -7,35 +7,11 @@ lasted, and where the oldest lies.
 
 from __future__ import annotations
 
-import math
-
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.catalogue import passed_of
-from gpsim.kernels.codes import (
-    ASYMMETRY,
-    BACKLASH,
-    BIAS,
-    DEAD_ZONE,
-    DELAY,
-    DEPTH,
-    FINE,
-    FOLLOWED,
-    GAIN,
-    GATE,
-    GATE_END,
-    LAW,
-    MEMORY,
-    ON,
-    OWN,
-    RATE_LIMIT,
-    SAG,
-    SATURATION,
-    SCHEME,
-    VALUE,
-)
-from gpsim.kernels.compiling import compiled
+from gpsim.kernels import codes
+from gpsim.kernels.compiling import blended, compiled
 from gpsim.kernels.gates import share_of
-from gpsim.kernels.scalars import blended, clipped, larger, smaller
+from gpsim.kernels.laws import late_of, passed_of
 
 
 @compiled
@@ -58,21 +34,21 @@ def act(
 
     path: (2, 6) the channels at both ends of it, commands as they were given; memory of the row moves on.
     """
-    looking = 1.0 if layout[SCHEME] == FINE else 0.0
+    looking = 1.0 if layout[codes.SCHEME] == codes.FINE else 0.0
     count = 1
     for n in range(len(actuators)):
-        on = actuators[n, ON]
-        if n == 0 or actuators[n - 1, ON] != on:  # a new way
+        on = actuators[n, codes.ON]
+        if n == 0 or actuators[n - 1, codes.ON] != on:  # a new way
             count = 1
             pieces[0, 0], pieces[1, 0], pieces[2, 0] = u[on], h, t
-        gated = actuators[n, GATE] < actuators[n, GATE_END]
-        if actuators[n, LAW] == DELAY:
+        gated = actuators[n, codes.GATE] < actuators[n, codes.GATE_END]
+        if codes.LATE <= actuators[n, codes.LAW] < codes.PASSES:
             untouched = pieces[0, 0]
             count = delayed(actuators, n, v, lane, memory, uneven, untouched, t, h, pieces)
             if gated:
                 acts = share_of(
-                    actuators[n, GATE],
-                    actuators[n, GATE_END],
+                    actuators[n, codes.GATE],
+                    actuators[n, codes.GATE_END],
                     conditions,
                     knots,
                     v,
@@ -86,16 +62,18 @@ def act(
         else:
             for i in range(count):
                 begin, length, before = pieces[2, i], pieces[1, i], pieces[0, i]
-                law, place = actuators[n, LAW], actuators[n, MEMORY]
-                after = passed(law, actuators[n, VALUE], v, lane, memory, place, before, begin, length)
+                law, place = actuators[n, codes.LAW], actuators[n, codes.MEMORY]
+                after = passed_of(
+                    law, actuators[n, codes.VALUE], v, lane, memory, place, before, begin, length
+                )
                 if gated:
                     acts = share_of(
-                        actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, lane, path, begin,
+                        actuators[n, codes.GATE], actuators[n, codes.GATE_END], conditions, knots, v, lane, path, begin,
                         looking * length,
                     )  # fmt: skip
                     after = blended(acts, after, before)
                 pieces[0, i] = after
-        if not actuators[n, FOLLOWED]:
+        if not actuators[n, codes.FOLLOWED]:
             total = pieces[0, 0]
             if count > 1:
                 total = 0.0
@@ -103,49 +81,6 @@ def act(
                     total += pieces[0, i] * pieces[1, i]
                 total /= h
             u[on] = total
-
-
-@compiled
-def passed(
-    law: int, at: int, v: FloatArray, i: int, memory: FloatArray, place: int, u: float, t: float, h: float
-) -> float:
-    """What a law makes of a command that is held for h [s] from t [s] on, a mean over that time."""
-    first: float = v[at, i]
-    if law >= OWN:
-        return passed_of(law, u, v, at, i)
-    if law == GAIN:
-        return first * u
-    if law == BIAS:
-        return u + first
-    if law == DEAD_ZONE:
-        return 0.0 if abs(u) < first else u
-    if law == SATURATION:
-        return clipped(u, -first, first)
-    if law == ASYMMETRY:
-        below: float = v[at + 1, i]
-        return (first if u > 0.0 else below) * u
-    if law == SAG:
-        return u * larger(1.0 - first * t, 0.0)
-    level: float = memory[place]
-    if law == BACKLASH:
-        held = smaller(larger(u - first, level), u + first)
-        memory[place] = held
-        return held
-    if law == RATE_LIMIT:
-        reach = first * h
-        now = smaller(larger(u, level - reach), level + reach)
-        moved, memory[place] = now - level, now
-        return now - moved * abs(moved) / larger(2.0 * reach, 1e-300)
-    ratio = larger(h, 1e-12) / larger(first, 1e-9)
-    behind = level - u
-    memory[place] = behind * math.exp(-ratio) + u
-    return u + behind * (-math.expm1(-ratio) / ratio)
-
-
-@compiled
-def late_by(delay: float, drift: float, t: float, h: float) -> float:
-    """By how much [s] commands are late in a substep of h [s] from t [s] on: a delay [s], and a clock's drift [ppm]."""
-    return delay + 1e-6 * drift * larger(t + h / 2, 0.0)
 
 
 @compiled
@@ -162,9 +97,9 @@ def delayed(
     pieces: FloatArray,
 ) -> int:
     """Fill pieces with the commands of a delay ago, and their mean where nobody follows; how many there are."""
-    depth, at = actuators[n, DEPTH], actuators[n, MEMORY]
-    value, head = actuators[n, VALUE], int(memory[at + 2 * depth])
-    delay = late_by(v[value, lane], v[value + 1, lane], t, h)
+    depth, at = actuators[n, codes.DEPTH], actuators[n, codes.MEMORY]
+    head = int(memory[at + 2 * depth])
+    delay = late_of(actuators[n, codes.LAW], h, t, v, actuators[n, codes.VALUE], lane)
     if uneven:
         count = met(memory, at, depth, head, delay, u, h, pieces)
     else:
@@ -176,7 +111,7 @@ def delayed(
         pieces[1, 0], count = back - whole, 2
         pieces[1, 1] = 1.0 - pieces[1, 0]
     memory[at + 2 * depth] = (head + 1) % depth
-    if not actuators[n, FOLLOWED]:
+    if not actuators[n, codes.FOLLOWED]:
         total = 0.0
         if uneven:
             for i in range(count):

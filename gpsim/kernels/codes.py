@@ -18,31 +18,28 @@ EULER: Final = 1
 SEMI_IMPLICIT: Final = 2
 RK4: Final = 3
 
-# Laws: smooth forces, dry friction, parameters, twists, rates. What a law reads of its values is in their order.
-VISCOUS: Final = 0
-QUADRATIC: Final = 1
-SPRING: Final = 2
-CONSTANT: Final = 3
-FORCE_CURVE: Final = 4
-COULOMB: Final = 10
-COEFFICIENT: Final = 11
-STRIBECK: Final = 12
-GRIP_CURVE: Final = 13
-BRISTLES: Final = 14
-RATIO: Final = 20
-DIFFERENCE: Final = 21
-RADIUS: Final = 30
-UNDERSTEER: Final = 31
-STEERING: Final = 32
-SLIP: Final = 33
-TURN_CURVE: Final = 34
-SLIP_CURVE: Final = 35
-RATE_CURVE: Final = 40
-DRIVE_CURVE: Final = 41
+# Laws of the catalogue are numbered by kind, in hundreds (see `gpsim.kernels.tables`): smooth forces; dry friction, by
+# the normal force, by what drives; parameters, twists, drives; commands that come late, and what else becomes of them.
+PUSHES: Final = 100
+GRIPS: Final = 200
+WEIGHED: Final = 300
+LOADED: Final = 400
+BELIEVED: Final = 500
+TURNS: Final = 600
+GIVES: Final = 700
+LATE: Final = 800
+PASSES: Final = 900
+KIND_WIDTH: Final = 100
 
-ELASTIC: Final = 42  # a drive that remembers
-
-OWN: Final = 100  # and beyond: families that write their law as one formula (see `gpsim.kernels.catalogue`)
+# Laws that are none of these: tables, and those with hidden states.
+FORCE_CURVE: Final = 1
+GRIP_CURVE: Final = 2
+TURN_CURVE: Final = 3
+SLIP_CURVE: Final = 4
+RATE_CURVE: Final = 5
+DRIVE_CURVE: Final = 6
+BRISTLES: Final = 7
+ELASTIC: Final = 8
 
 # Where a twist's law acts: alone, or first, further on or last of several that are one term.
 ALONE: Final = 0
@@ -110,18 +107,8 @@ WIDTH: Final = 16
 LOOKS: Final = 17
 UNEVEN: Final = 18
 
-# Actuators: their laws, and the columns of their table: the law, its action, its first value, its conditions (from,
-# to), its first place in memory, how many commands it remembers, whether others follow on the same way.
-DELAY: Final = 50
-DEAD_ZONE: Final = 51
-SATURATION: Final = 52
-GAIN: Final = 53
-ASYMMETRY: Final = 54
-SAG: Final = 55
-BIAS: Final = 56
-BACKLASH: Final = 57
-RATE_LIMIT: Final = 58
-LAG: Final = 59
+# Columns of the actuators' table: the law, its action, its first value, its conditions (from, to), its first place in
+# memory, how many commands it remembers, whether others follow on the same way.
 MEMORY: Final = 5
 DEPTH: Final = 6
 FOLLOWED: Final = 7

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.compiling import entry
+from gpsim.effects import SensorLag
+from gpsim.kernels.compiling import compiled, entry
 
 CLOSE = 0.05  # of the longest of three steps: through states nearer to each other goes a line
+trail, rest = compiled(SensorLag.law), compiled(SensorLag.rest)
 I1, F1, F2, F3 = "int64[::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
 
 
@@ -92,7 +92,7 @@ def lag(
     The other arrays are those of `delay`. Before the first state a straight line led to it, if two are known.
     """
     for row in range(len(out)):
-        w, lasting = window[row], max(constant[row], 1e-9)
+        w, lasting = window[row], constant[row]
         last, behind = passed[row, 0, column], 0.0
         for m in range(passed.shape[1]):
             now = passed[row, m, column]
@@ -101,13 +101,12 @@ def lag(
                     h = when[w, m] - when[w, m - 1]
                 else:
                     h = steps[w, (m - depth) // n + 1 if m >= depth else 0]
-                ratio = max(h, 1e-12) / lasting
-                behind *= math.exp(-ratio)
-                behind += (now - last) * (-math.expm1(-ratio) / ratio)
+                behind, last = trail(now, h, behind, last, lasting)
             elif depth > 1:
                 h = when[w, 1] - when[w, 0] if when.shape[1] else steps[w, 0]
-                behind = lasting * (passed[row, 1, column] - now) / max(h, 1e-12)
-            last = now
+                behind, last = rest(now, (passed[row, 1, column] - now) / max(h, 1e-12), lasting)
+            else:
+                last = now
             passed[row, m, column] = now - behind
             if m >= depth - 1 and (m - depth + 1) % n == 0:
                 out[row, (m - depth + 1) // n, column] -= behind

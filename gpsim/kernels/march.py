@@ -5,18 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels import codes
 from gpsim.kernels.acting import act
-from gpsim.kernels.codes import (
-    ACTIONS,
-    LOOKS,
-    PER_SUBSTEP,
-    SUBSTEPS,
-    UNEVEN,
-    WIDTH,
-)
-from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
+from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry, place, tamed
 from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, SIZE, TOGETHER, U1, H, T, U, X
-from gpsim.kernels.scalars import place, tamed
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
 
@@ -52,8 +44,8 @@ def command(
     j: int,
 ) -> None:
     """Fill U with what reaches the simulator at substep j of transition k; negative ones are before the window."""
-    at = place(before + (k * layout[SUBSTEPS] + j if layout[PER_SUBSTEP] else k))
-    for c in range(layout[ACTIONS]):
+    at = place(before + (k * layout[codes.SUBSTEPS] + j if layout[codes.PER_SUBSTEP] else k))
+    for c in range(layout[codes.ACTIONS]):
         for i in range(lanes):
             b[U + c * LANES + i] = commands[place(which[i]), at, c]
 
@@ -89,7 +81,7 @@ def acted(
             i,
             path,
             memory[i],
-            layout[UNEVEN],
+            layout[codes.UNEVEN],
             b[T + i],
             b[H + i],
             pieces,
@@ -180,7 +172,7 @@ def march(
     their memories (U, .) are those at the windows' start.
     bends: (B, 6) how far bristles are bent and drives twisted as the windows begin, (B, 0) where there are none.
     """
-    n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
+    n, columns, states = layout[codes.SUBSTEPS], values.shape[1], len(kept)
     b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))
     memory, path = np.empty((LANES, memories.shape[1])), np.empty((2, 6))
     pieces, u = np.empty((3, memories.shape[1] + 2)), np.empty(2)
@@ -188,7 +180,7 @@ def march(
     steady = is_steady(layout, terms)
     for begin in range(first, last, LANES):
         count = min(LANES, last - begin)
-        lanes = min(-(-count // TOGETHER) * TOGETHER, layout[WIDTH])
+        lanes = min(-(-count // TOGETHER) * TOGETHER, layout[codes.WIDTH])
         for i in range(lanes):
             row = min(begin + i, last - 1)
             w[i], c[i] = window[row], which[row]
@@ -208,12 +200,12 @@ def march(
                     write(b, lanes, kept, passed, begin, count, depth - 1)
             back = m if m >= 0 else -(m + depth)
             k, j = back // n, back % n
-            looks = m >= 0 and layout[LOOKS] != 0
+            looks = m >= 0 and layout[codes.LOOKS] != 0
             if looks:
-                for x in range(layout[ACTIONS]):
+                for x in range(layout[codes.ACTIONS]):
                     for i in range(lanes):
                         b[U + x * LANES + i] = given[w[i], k, x]
-            elif m <= 0 or j == 0 or layout[PER_SUBSTEP]:
+            elif m <= 0 or j == 0 or layout[codes.PER_SUBSTEP]:
                 command(b, lanes, layout, commands, c, before, k, j)
             if m < 0:
                 look_back(b, lanes, clock, earlier, w, n, k, j)

@@ -7,85 +7,24 @@ it into those of the commands that it meets: (3, .) values, lengths [s], and whe
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.acting import late_by, passed
-from gpsim.kernels.codes import (
-    DELAY,
-    DEPTH,
-    FINE,
-    GATE,
-    GATE_END,
-    LAG,
-    LAW,
-    MEMORY,
-    ON,
-    SCHEME,
-    SUBSTEPS,
-    UNEVEN,
-    VALUE,
-)
-from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
+from gpsim.kernels import codes
+from gpsim.kernels.compiling import F1, F2, F3, I1, I2, blended, compiled, entry
 from gpsim.kernels.gates import share_of
-from gpsim.kernels.scalars import blended, larger
-from gpsim.kernels.tables import ACTUATORS
-
-NEAR = 1e-3  # exponents that differ by no more: four terms of a series lead from one to the other
-SIXTH = 1.0 / 6.0
-
-
-def _changed() -> Callable[..., None]:
-    """A function of (law, pieces, how many, v, where its values begin, memory, its place there): they change.
-
-    Each law has a loop, in which it is a constant: what `passed` does of others is left out there.
-    """
-    lines = ["def changed(law, pieces, count, v, at, memory, place):"]
-    lines += ["    s, h, t, lane = pieces[0], pieces[1], pieces[2], int(zero)"]
-    for law in sorted({number for number, _ in ACTUATORS.values()} - {DELAY, LAG}):
-        lines += [f"    if law == {law}:", "        for i in range(count):"]
-        lines += [f"            s[i] = passed({law}, at, v, lane, memory, place, s[i], t[i], h[i])"]
-    rooms: dict[str, Any] = {"passed": passed, "zero": np.int64(0)}
-    exec(compile("\n".join([*lines, "    return"]), "<changed>", "exec"), rooms)
-    return compiled(rooms["changed"])  # type: ignore[no-any-return]
-
-
-changed = _changed()
-
-
-@compiled
-def follow(constant: float, pieces: FloatArray, count: int, memory: FloatArray, place: int) -> None:
-    """Change so many pieces to what follows them with a lag of a time constant [s].
-
-    Most are as long as the last but one, but for rounding: an exponential is found anew only where one is not.
-    """
-    s, level, per = pieces[0], memory[place], 1.0 / larger(constant, 1e-9)
-    known, lost, near, other, others, nears = np.nan, 0.0, 0.0, np.nan, 0.0, 0.0
-    for i in range(count):
-        ratio = larger(pieces[1, i], 1e-12) * per
-        if not abs(ratio - known) <= near:
-            known, lost, near = ratio, -math.expm1(-ratio), min(0.1 * ratio, NEAR)
-        off = ratio - known
-        gone = lost + (1.0 - lost) * off * (1.0 - off * (0.5 - off * (SIXTH - 0.25 * SIXTH * off)))
-        u = s[i]
-        s[i] = u + (level - u) * (gone / ratio)
-        level = level * (1.0 - gone) + u * gone
-        known, lost, near, other, others, nears = other, others, nears, known, lost, near
-    memory[place] = level
+from gpsim.kernels.laws import changed_by, late_of
 
 
 @compiled
 def wait(
-    delay: float, drift: float, depth: int, steps: FloatArray, heard: FloatArray, pieces: FloatArray, of: IntArray
+    law: int, v: FloatArray, at: int, depth: int, steps: FloatArray, heard: FloatArray, pieces: FloatArray, of: IntArray
 ) -> int:  # fmt: skip
     """Cut substeps, on an even clock, into two pieces each of the commands heard; how many there are."""
+    lane = int(np.int64(0))
     for m in range(steps.shape[1]):
         t, h = steps[0, m], steps[1, m]
-        back = late_by(delay, drift, t, h) / h
+        back = late_of(law, h, t, v, at, lane) / h
         back = min(back if back > 0.0 else 0.0, depth - 1.0)
         whole, i = int(back), 2 * m
         length = (back - whole) * h
@@ -98,17 +37,17 @@ def wait(
 
 @compiled
 def meet(
-    delay: float, drift: float, depth: int, steps: FloatArray, heard: FloatArray, ends: FloatArray,
+    law: int, v: FloatArray, at: int, depth: int, steps: FloatArray, heard: FloatArray, ends: FloatArray,
     pieces: FloatArray, of: IntArray,
 ) -> int:  # fmt: skip
     """The same on an uneven clock, where there may be more or fewer.
 
     ends: of the commands heard [s], the oldest of which began at 0: it is all that is known of what was before.
     """
-    used, first, count = 0, 0, steps.shape[1]
+    used, first, count, lane = 0, 0, steps.shape[1], int(np.int64(0))
     for m in range(count):
         own, begun, whole, now = depth + m, used, 0.0, steps[0, m]
-        high = ends[own] - late_by(delay, drift, now, steps[1, m])
+        high = ends[own] - late_of(law, steps[1, m], now, v, at, lane)
         low = high - steps[1, m]
         high, low = (high if high > 0.0 else 0.0), (low if low > 0.0 else 0.0)
         while first < own and ends[first] <= low:
@@ -136,7 +75,7 @@ def meet(
 
 @compiled
 def late(
-    uneven: int, times: int, depth: int, v: FloatArray, at: int, memory: FloatArray, place: int,
+    uneven: int, times: int, depth: int, law: int, v: FloatArray, at: int, memory: FloatArray, place: int,
     steps: FloatArray, heard: FloatArray, pieces: FloatArray, of: IntArray,
 ) -> int:  # fmt: skip
     """Cut commands, one a substep, into the pieces of a delay; how many there are.
@@ -157,10 +96,10 @@ def late(
         for m in range(count):
             end += steps[1, m]
             ends[deep + m] = end
-        return meet(v[at, 0], v[at + 1, 0], deep, steps, line, ends, pieces, of)
+        return meet(law, v, at, deep, steps, line, ends, pieces, of)
     if times == 1:
         memory[place : place + depth], memory[place + 2 * depth] = line[count : count + depth], 0.0
-    return wait(v[at, 0], v[at + 1, 0], deep, steps, line, pieces, of)
+    return wait(law, v, at, deep, steps, line, pieces, of)
 
 
 @compiled
@@ -188,24 +127,28 @@ def pass_on(
             pieces[1, m], pieces[2, m], of[m] = steps[1, m], steps[0, m], m
         used = count
         for line in range(len(actuators)):
-            if actuators[line, ON] != x:
+            if actuators[line, codes.ON] != x:
                 continue
-            law, at, place = actuators[line, LAW], actuators[line, VALUE], actuators[line, MEMORY]
-            first, end = actuators[line, GATE], actuators[line, GATE_END]
+            law, at, place = (
+                actuators[line, codes.LAW],
+                actuators[line, codes.VALUE],
+                actuators[line, codes.MEMORY],
+            )
+            first, end = actuators[line, codes.GATE], actuators[line, codes.GATE_END]
             if first < end:
                 was[:used] = pieces[0, :used]
-            if law == DELAY:
-                depth = actuators[line, DEPTH]
-                used = late(layout[UNEVEN], times, depth, v, at, memory, place, steps, heard, pieces, of)
-            elif law == LAG:
-                follow(v[at, 0], pieces, used, memory, place)
+            if codes.LATE <= law < codes.PASSES:
+                depth = actuators[line, codes.DEPTH]
+                used = late(
+                    layout[codes.UNEVEN], times, depth, law, v, at, memory, place, steps, heard, pieces, of
+                )
             else:
-                changed(law, pieces, used, v, at, memory, place)
+                changed_by(law, at, v, lane, memory, place, pieces[0], pieces[1], pieces[2], used)
             if first < end:
-                path, looking = np.zeros((2, 6)), (1.0 if layout[SCHEME] == FINE else 0.0)
+                path, looking = np.zeros((2, 6)), (1.0 if layout[codes.SCHEME] == codes.FINE else 0.0)
                 for i in range(used):  # of what a delay does, the share of the substep counts
-                    m = of[i] if law == DELAY else i
-                    t, h = (steps[0, m], steps[1, m]) if law == DELAY else (pieces[2, i], pieces[1, i])
+                    m = of[i] if law < codes.PASSES else i
+                    t, h = (steps[0, m], steps[1, m]) if law < codes.PASSES else (pieces[2, i], pieces[1, i])
                     acts = share_of(first, end, conditions, knots, v, lane, path, t, looking * h)
                     pieces[0, i] = blended(acts, pieces[0, i], was[m])
         if used == count:
@@ -241,7 +184,7 @@ def travel(
     values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); earlier:
     (W, M + 1) s and led: (W, M, A), those of whole control steps before; memories: (U, .) at their start, or (1, .).
     """
-    n, width = layout[SUBSTEPS], memories.shape[1]
+    n, width = layout[codes.SUBSTEPS], memories.shape[1]
     count, times = given.shape[1] * n, n if led.shape[1] else 1
     most = max(count, led.shape[1]) + n * width  # twice what a delay remembers at least, and what comes
     room, of, v = np.empty((6, 3 * most)), np.empty(3 * most, dtype=np.int64), np.empty((values.shape[1], 1))

@@ -6,7 +6,7 @@ that look at the state, whose commands nobody knows beforehand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from gpsim.effects import (
     CATALOGUE,
     FROM,
     IN_EPISODE,
-    RISE,
     TO,
     ActuatorEffect,
     BristleEffect,
@@ -37,15 +36,10 @@ from gpsim.effects import (
 )
 from gpsim.kernels import codes, tables
 from gpsim.kernels.lanes import LANES, LOAD, U
-from gpsim.kernels.tables import Hat, Law
+from gpsim.kernels.tables import LAWS, Hat
 from gpsim.simulators import Memory, Whole, unwrapped, whole
 
-SCHEMES = {
-    "fine": codes.FINE,
-    "euler": codes.EULER,
-    "semi_implicit": codes.SEMI_IMPLICIT,
-    "rk4": codes.RK4,
-}
+SCHEMES = {"fine": codes.FINE, "euler": codes.EULER, "semi_implicit": codes.SEMI_IMPLICIT, "rk4": codes.RK4}
 ACTION = 4  # the first column of an action among a compiled state's channels
 Column = tuple[int, str, float, str]
 """Where a number of a row comes from: a term, the name among its values, what it is where that is missing, and another
@@ -167,17 +161,17 @@ class _Writer:
         found.sort(key=lambda i: of[i].effect.order)
         ways = tuple(i for on in dict.fromkeys(of[i].on for i in found) for i in found if of[i].on == on)
         for place, i in enumerate(ways):
-            law = tables.ACTUATORS.get(of[i].family) if CATALOGUE.get(of[i].family) is of[i].effect else None
+            law = _law_of(of[i])
             if law is None:
                 return ways, None
             followed = of[i].on in [of[j].on for j in ways[place + 1 :]]
             at = len(self.columns)
-            self.columns += [(i, name, of[i].effect.takes.get(name, np.nan), "") for name in law[1]]
+            self.columns += [(i, name, otherwise, "") for name, otherwise in law[1].items()]
             rows.append(
                 [law[0], action.index(of[i].on), at, *self._gated(i, of[i].gate), 0, 0, int(followed)]
             )
         table = _table(rows, codes.ACTUATOR_WIDTH)
-        delays = [row[codes.ON] for row in rows if row[codes.LAW] == codes.DELAY]
+        delays = [row[codes.ON] for row in rows if row[codes.LAW] < codes.PASSES]
         return ways, table if len(set(delays)) == len(delays) else None
 
     def _written(self) -> list[int]:
@@ -228,7 +222,7 @@ class _Writer:
         if law is None:
             raise _NotCompiled
         self.terms.append([law[0], self._place(term), len(self.columns), *gate, self._command(term)])
-        self.columns += [(index, name, effect.takes.get(name, np.nan), "") for name in law[1]]
+        self.columns += [(index, name, otherwise, "") for name, otherwise in law[1].items()]
 
     def _write_curve(self, index: int, term: Term, curve: Curve, gate: tuple[int, int]) -> None:
         if curve.of not in tables.CURVES or len(curve.axes) > 2 or min(map(len, curve.axes)) < 2:
@@ -238,9 +232,10 @@ class _Writer:
         if curve.of in ("turn", "slip"):
             on = codes.CLOSING if curve.beside else codes.ALONE
         for place, (family, values) in enumerate(curve.beside):
-            if family not in tables.TWISTS:
+            formula = LAWS.get(CATALOGUE[family].law_of(values)) if family in CATALOGUE else None
+            if formula is None or formula.number // codes.KIND_WIDTH * codes.KIND_WIDTH != codes.TURNS:
                 raise _NotCompiled
-            law, names = tables.TWISTS[family]
+            law, names = formula.number, formula.values
             self.terms.append(
                 [law, codes.WITHIN if place else codes.OPENING, len(self.columns), gate[0], gate[0], -1]
             )
@@ -321,23 +316,15 @@ def _is_dry(effect: Effect) -> bool:
     return isinstance(effect, ForceEffect) and effect.dry
 
 
-def _law_of(term: Term) -> Law | None:
-    """The number of a catalogue's law and the names of its values; None of another's."""
-    family, effect = term.family, term.effect
-    if CATALOGUE.get(family) is not effect:
+def _law_of(term: Term) -> tuple[int, Mapping[str, float]] | None:
+    """The number of a catalogue's law and its values, with what each is where it is missing; None of another's."""
+    effect = term.effect
+    if CATALOGUE.get(term.family) is not effect:
         return None
-    if isinstance(effect, ForceEffect):
-        if not effect.dry:
-            return tables.FORCES.get(family)
-        if term.variant == RISE and family in tables.RISES:
-            return tables.RISES[family]
-        weighs = effect.weighs({k: np.zeros(0) for k in term.values})
-        return (tables.BY_LOAD if weighs else tables.DRY).get(family)
-    if isinstance(effect, ParameterEffect):
-        return (tables.DIFFERENCES if "offset" in term.values else tables.PARAMETERS).get(family)
-    if isinstance(effect, DriveEffect):
-        return tables.DRIVES.get(family)
-    return tables.TWISTS.get(family) if isinstance(effect, VehicleEffect) else None
+    if isinstance(effect, BristleEffect | ElasticDrive):
+        return codes.BRISTLES if isinstance(effect, BristleEffect) else codes.ELASTIC, effect.takes
+    found = LAWS.get(effect.law_of(term.values))
+    return None if found is None else (found.number, found.values)
 
 
 def _table(rows: list[list[int]], width: int) -> IntArray:

@@ -6,46 +6,12 @@ Shares of terms without a gate are one.
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.bristles import bend_on
-from gpsim.kernels.catalogue import given_of
-from gpsim.kernels.codes import (
-    ACKERMANN,
-    CARTPOLE,
-    CHANGING,
-    CURVE,
-    DIFFERENCE,
-    DRIVE_CURVE,
-    ELASTIC,
-    FINE,
-    FORCES,
-    GATE,
-    GATE_END,
-    HELD,
-    LAW,
-    LOOKS,
-    LOOKS_AHEAD,
-    ON,
-    OPENING,
-    PARAMETERS,
-    RATES,
-    RK4,
-    SCHEME,
-    SEMI_IMPLICIT,
-    STILL,
-    SYSTEM,
-    TERMS,
-    TWISTS,
-    UNICYCLE,
-    VALUE,
-)
-from gpsim.kernels.compiling import compiled
-from gpsim.kernels.curves import curve_at
-from gpsim.kernels.elastic import transmit, turn_on
-from gpsim.kernels.friction import push, rub_all
-from gpsim.kernels.gates import find_shares
+from gpsim.kernels import codes
+from gpsim.kernels.compiling import blended, compiled, place
+from gpsim.kernels.friction import bend_on, push, rub_all, transmit, turn_on
+from gpsim.kernels.gates import curve_at, find_shares
 from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
-from gpsim.kernels.laws import twist
-from gpsim.kernels.scalars import blended, place
+from gpsim.kernels.laws import correct_of, given_of, twist
 from gpsim.kernels.systems import rates, slope, turning
 
 
@@ -62,16 +28,9 @@ def correct(
     b: FloatArray, lanes: int, layout: IntArray, terms: IntArray, v: FloatArray, shares: FloatArray
 ) -> None:
     """Change P, as it was believed, to the parameters that the rows have."""
-    for n in range(layout[PARAMETERS], layout[TWISTS]):
-        at, value, gated = (
-            place(P + terms[n, ON] * LANES),
-            terms[n, VALUE],
-            terms[n, GATE] < terms[n, GATE_END],
-        )
-        for i in range(lanes):
-            own: float = v[value, i]
-            new = b[at + i] + own if terms[n, LAW] == DIFFERENCE else b[at + i] * own
-            b[at + i] = blended(shares[n, i], new, b[at + i]) if gated else new
+    for n in range(layout[codes.PARAMETERS], layout[codes.TWISTS]):
+        at, gated = P + terms[n, codes.ON] * LANES, terms[n, codes.GATE] < terms[n, codes.GATE_END]
+        correct_of(b, lanes, terms[n, codes.LAW], terms[n, codes.VALUE], v, at, gated, shares, n)
 
 
 @compiled
@@ -79,9 +38,17 @@ def drive(b: FloatArray, lanes: int, layout: IntArray, terms: IntArray, v: Float
     """Keep the commands U in REACHED, and change them to what drives give in the stage's state."""
     for i in range(2 * LANES):
         b[REACHED + i] = b[U + i]
-    for n in range(layout[FORCES]):
-        speed = place(Y1 + 2 * terms[n, ON] * LANES)
-        given_of(b, lanes, terms[n, LAW], terms[n, VALUE], v, place(U + terms[n, CURVE] * LANES), speed)
+    for n in range(layout[codes.FORCES]):
+        speed = place(Y1 + 2 * terms[n, codes.ON] * LANES)
+        given_of(
+            b,
+            lanes,
+            terms[n, codes.LAW],
+            terms[n, codes.VALUE],
+            v,
+            place(U + terms[n, codes.CURVE] * LANES),
+            speed,
+        )
 
 
 @compiled
@@ -96,25 +63,25 @@ def find(
     shares: FloatArray,
 ) -> None:
     """Fill R with the rates in the stage's state, whatever acts; SIN and COS are those of that state."""
-    drives = layout[FORCES]  # their terms come first
+    drives = layout[codes.FORCES]  # their terms come first
     if drives:
         drive(b, lanes, layout, terms, v)
     push(b, lanes, layout, terms, curves, knots, v, shares)
     if drives:
         transmit(b, lanes, layout, terms, v)
-    rates(b, lanes, layout[SYSTEM], layout[HELD])
+    rates(b, lanes, layout[codes.SYSTEM], layout[codes.HELD])
     rub_all(b, lanes, layout, terms, curves, knots, v, shares)
-    for n in range(layout[TWISTS], layout[RATES]):
-        if terms[n, ON] <= OPENING:
+    for n in range(layout[codes.TWISTS], layout[codes.RATES]):
+        if terms[n, codes.ON] <= codes.OPENING:
             for i in range(3 * LANES):
                 b[SUM + i] = b[R + i]
         twist(b, lanes, terms, n, v, curves, knots)
-        if terms[n, GATE] < terms[n, GATE_END]:
+        if terms[n, codes.GATE] < terms[n, codes.GATE_END]:
             for c in range(3):
                 for i in range(lanes):
                     at = c * LANES + i
                     b[R + at] = blended(shares[n, i], b[R + at], b[SUM + at])
-    for n in range(layout[RATES], layout[TERMS]):
+    for n in range(layout[codes.RATES], layout[codes.TERMS]):
         add_curve(b, lanes, layout, terms, n, curves, knots, v, shares)
     if drives:
         for i in range(2 * LANES):
@@ -134,9 +101,9 @@ def add_curve(
     shares: FloatArray,
 ) -> None:
     """Add to R a free curve of one of the rates, or what one of a command does to them."""
-    curve_at(b, lanes, terms[n, VALUE], curves, terms[n, CURVE], knots, v, ONE)
-    on = place(terms[n, ON] * LANES)
-    if terms[n, LAW] != DRIVE_CURVE:
+    curve_at(b, lanes, terms[n, codes.VALUE], curves, terms[n, codes.CURVE], knots, v, ONE)
+    on = place(terms[n, codes.ON] * LANES)
+    if terms[n, codes.LAW] != codes.DRIVE_CURVE:
         for i in range(lanes):
             b[R + on + i] += b[ONE + i] * shares[n, i]
         return
@@ -148,7 +115,7 @@ def add_curve(
         times = 1.0 if turn else -1.0
         for i in range(lanes):
             b[U + on + i] += b[ONE + i] if turn else 0.0
-        rates(b, lanes, layout[SYSTEM], layout[HELD])
+        rates(b, lanes, layout[codes.SYSTEM], layout[codes.HELD])
         for c in range(3):
             for i in range(lanes):
                 at = c * LANES + i
@@ -167,18 +134,18 @@ def peer(b: FloatArray, lanes: int, layout: IntArray, believed: FloatArray) -> N
     """
     for i in range(4 * LANES):
         b[AHEAD + i] = b[Y + i] = b[X + i]
-    if not layout[LOOKS_AHEAD]:
+    if not layout[codes.LOOKS_AHEAD]:
         return
-    if layout[LOOKS_AHEAD] == 1:
+    if layout[codes.LOOKS_AHEAD] == 1:
         for i in range(3 * LANES):
             b[R + i] = 0.0
     else:
         believe(b, lanes, believed)
-        turning(b, lanes, layout[SYSTEM])
+        turning(b, lanes, layout[codes.SYSTEM])
         for i in range(2 * LANES):
             b[F + i] = 0.0
-        rates(b, lanes, layout[SYSTEM], layout[HELD])
-    slope(b, lanes, layout[SYSTEM], layout[STILL])
+        rates(b, lanes, layout[codes.SYSTEM], layout[codes.HELD])
+    slope(b, lanes, layout[codes.SYSTEM], layout[codes.STILL])
     for c in range(4):
         for i in range(lanes):
             at = c * LANES + i
@@ -188,11 +155,11 @@ def peer(b: FloatArray, lanes: int, layout: IntArray, believed: FloatArray) -> N
 @compiled
 def is_steady(layout: IntArray, terms: IntArray) -> bool:
     """Whether the parameters that a row has stay as they are from one substep to the next."""
-    if layout[LOOKS_AHEAD] > 1 and (layout[CHANGING] or layout[LOOKS]):
+    if layout[codes.LOOKS_AHEAD] > 1 and (layout[codes.CHANGING] or layout[codes.LOOKS]):
         return False
     gated = 0
-    for n in range(layout[PARAMETERS], layout[TWISTS]):
-        gated += terms[n, GATE] < terms[n, GATE_END]
+    for n in range(layout[codes.PARAMETERS], layout[codes.TWISTS]):
+        gated += terms[n, codes.GATE] < terms[n, codes.GATE_END]
     return gated == 0
 
 
@@ -211,9 +178,9 @@ def advance(
     steady: bool,
 ) -> None:
     """Move X on by a substep; steady: the parameters in P are the rows' still."""
-    scheme, system = layout[SCHEME], layout[SYSTEM]
-    drives = system == UNICYCLE or system == ACKERMANN
-    if layout[CHANGING]:
+    scheme, system = layout[codes.SCHEME], layout[codes.SYSTEM]
+    drives = system == codes.UNICYCLE or system == codes.ACKERMANN
+    if layout[codes.CHANGING]:
         peer(b, lanes, layout, believed)
         find_shares(b, lanes, layout, terms, conditions, knots, v, shares)
     if not steady:
@@ -222,23 +189,25 @@ def advance(
     for i in range(4 * LANES):
         b[Y + i] = b[X + i]
     # Rates that are the same in all states, as a vehicle's often are, are found once.
-    held = drives and layout[RATES] == layout[TERMS]
-    channels = 3 if drives else (4 if system == CARTPOLE else 2)
-    stages = 3 if scheme == FINE else (4 if scheme == RK4 else 1)
+    held = drives and layout[codes.RATES] == layout[codes.TERMS]
+    channels = 3 if drives else (4 if system == codes.CARTPOLE else 2)
+    stages = 3 if scheme == codes.FINE else (4 if scheme == codes.RK4 else 1)
     for n in range(stages):
         turning(b, lanes, system)
         if n == 0 or not held:
             find(b, lanes, layout, terms, curves, knots, v, shares)
-        slope(b, lanes, system, layout[STILL])
+        slope(b, lanes, system, layout[codes.STILL])
         go_on(b, lanes, channels, scheme, n, n == stages - 1)
-    if scheme == SEMI_IMPLICIT and not drives:
+    if scheme == codes.SEMI_IMPLICIT and not drives:
         for q in range(0, channels, 2):  # positions go with the new velocities
-            if not layout[STILL] & (1 << q):
+            if not layout[codes.STILL] & (1 << q):
                 for i in range(lanes):
                     at = q * LANES + i
                     b[Y + at] = b[X + at] + b[H + i] * b[Y + LANES + at]
     bend_on(b, lanes, layout, terms, v)
-    if layout[FORCES] and terms[layout[FORCES] - 1, LAW] == ELASTIC:  # they are the last ones
+    if (
+        layout[codes.FORCES] and terms[layout[codes.FORCES] - 1, codes.LAW] == codes.ELASTIC
+    ):  # they are the last ones
         drive(b, lanes, layout, terms, v)
         turn_on(b, lanes, layout, terms, v)
         for i in range(2 * LANES):
@@ -254,10 +223,10 @@ def go_on(b: FloatArray, lanes: int, channels: int, scheme: int, stage: int, end
     The slope of a stage goes into the mean K1: Heun (1900), third order; the classical Runge-Kutta scheme.
     """
     weight, share = 1.0, 1.0
-    if scheme == FINE:
+    if scheme == codes.FINE:
         weight = 0.25 if stage == 0 else (0.0 if stage == 1 else 0.75)
         share = (stage + 1) / 3.0
-    elif scheme == RK4:
+    elif scheme == codes.RK4:
         weight = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
         share = 0.5 if stage < 2 else 1.0
     for c in range(channels):

@@ -1,24 +1,27 @@
-"""Which families and systems have a compiled form, under which number, and the order of their values."""
+"""Which systems, laws and curves have a compiled form, and under which number."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from gpsim.effects import (
     CATALOGUE,
     ActuatorEffect,
-    BristleEffect,
     DriveEffect,
-    ElasticDrive,
+    Effect,
     ForceEffect,
+    LateEffect,
+    Law,
+    ParameterEffect,
     VehicleEffect,
+    arguments,
 )
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, ServoJoint, Simulator, Slider, Unicycle
-
-Law = tuple[int, tuple[str, ...]]
 
 SYSTEMS: Mapping[type[Simulator], int] = {
     CartPole: codes.CARTPOLE,
@@ -28,74 +31,6 @@ SYSTEMS: Mapping[type[Simulator], int] = {
     Ackermann: codes.ACKERMANN,
     ServoJoint: codes.SERVO_JOINT,
 }
-
-OWN: Mapping[str, int] = {
-    family: codes.OWN + i
-    for i, family in enumerate(
-        f
-        for f, e in CATALOGUE.items()
-        if type(e).law is not None or (isinstance(e, ForceEffect) and type(e).dry_law is not None)
-    )
-}
-"""The number of every family that writes its law as one formula: compiled code takes it from there."""
-
-
-def _own(site: type[Any], *, dry: bool = False) -> dict[str, Law]:
-    """Those of a site, with what they read."""
-    return {
-        family: (number, tuple(CATALOGUE[family].takes))
-        for family, number in OWN.items()
-        if isinstance(effect := CATALOGUE[family], site)
-        and (not isinstance(effect, ForceEffect) or effect.dry == dry)
-    }
-
-
-OWN_FORCES, OWN_DRY = _own(ForceEffect), _own(ForceEffect, dry=True)
-OWN_DRIVES, OWN_ACTUATORS, OWN_TWISTS = _own(DriveEffect), _own(ActuatorEffect), _own(VehicleEffect)
-DRIVES: Mapping[str, Law] = {
-    **OWN_DRIVES,
-    **{f: (codes.ELASTIC, tuple(e.takes)) for f, e in CATALOGUE.items() if isinstance(e, ElasticDrive)},
-}
-FORCES: Mapping[str, Law] = {
-    **OWN_FORCES,
-    "viscous_friction": (codes.VISCOUS, ("damping",)),
-    "quadratic_drag": (codes.QUADRATIC, ("drag",)),
-    "spring": (codes.SPRING, ("stiffness", "rest_position")),
-    "constant_force": (codes.CONSTANT, ("force",)),
-}
-DRY: Mapping[str, Law] = {
-    **OWN_DRY,
-    **{f: (codes.BRISTLES, tuple(e.takes)) for f, e in CATALOGUE.items() if isinstance(e, BristleEffect)},
-    "coulomb_friction": (codes.COULOMB, ("force",)),
-    "local_friction_patch": (codes.COULOMB, ("force",)),
-    "stribeck_friction": (codes.STRIBECK, ("force", "static_force", "stribeck_velocity")),
-}
-BY_LOAD: Mapping[str, Law] = {"coulomb_friction": (codes.COEFFICIENT, ("coefficient",))}
-RISES: Mapping[str, Law] = {"stribeck_friction": (codes.STRIBECK, ("force", "rise", "stribeck_velocity"))}
-"""By how much friction grows, beside what slides: of no sliding force. Others' laws are the same by themselves."""
-PARAMETERS: Mapping[str, Law] = {"parameter_offset": (codes.RATIO, ("ratio",))}
-DIFFERENCES: Mapping[str, Law] = {"parameter_offset": (codes.DIFFERENCE, ("offset",))}
-"""The same of parameters that may be 0."""
-TWISTS: Mapping[str, Law] = {
-    **OWN_TWISTS,
-    "minimum_turning_radius": (codes.RADIUS, ("radius",)),
-    "understeer": (codes.UNDERSTEER, ("gradient",)),
-    "steering_bias": (codes.STEERING, ("curvature",)),
-    "lateral_slip": (codes.SLIP, ("slip",)),
-}
-ACTUATORS: Mapping[str, Law] = {
-    **OWN_ACTUATORS,
-    **{f: (codes.DELAY, tuple(e.takes)) for f, e in CATALOGUE.items() if "delay" in e.takes},
-    "actuator_dead_zone": (codes.DEAD_ZONE, ("width",)),
-    "actuator_saturation": (codes.SATURATION, ("limit",)),
-    "actuator_gain": (codes.GAIN, ("gain",)),
-    "actuator_asymmetry": (codes.ASYMMETRY, ("gain_positive", "gain_negative")),
-    "battery_sag": (codes.SAG, ("loss_per_second",)),
-    "actuator_bias": (codes.BIAS, ("bias",)),
-    "actuator_backlash": (codes.BACKLASH, ("half_width",)),
-    "actuator_rate_limit": (codes.RATE_LIMIT, ("rate",)),
-    "actuator_lag": (codes.LAG, ("time_constant",)),
-}
 CURVES: Mapping[str, int] = {
     "force": codes.FORCE_CURVE,
     "grip": codes.GRIP_CURVE,
@@ -104,6 +39,61 @@ CURVES: Mapping[str, int] = {
     "rate": codes.RATE_CURVE,
     "drive": codes.DRIVE_CURVE,
 }
+KINDS: Mapping[Any, int] = {
+    LateEffect: codes.LATE,
+    ActuatorEffect: codes.PASSES,
+    DriveEffect: codes.GIVES,
+    ParameterEffect: codes.BELIEVED,
+    VehicleEffect: codes.TURNS,
+}
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A law of the catalogue. number: its kind, in hundreds, and its place there; values: with what each is if missing.
+
+    effect: of which it is, which says what it knows and remembers.
+    """
+
+    number: int
+    law: Law
+    values: Mapping[str, float]
+    effect: Effect
+
+
+def _laws() -> Iterator[tuple[int, Law, Effect]]:
+    """Kind, law and family of all that compiled code takes from the catalogue."""
+    for effect in CATALOGUE.values():
+        named = {"": type(effect).law, **{v: getattr(type(effect), name) for v, name in effect.laws.items()}}
+        for value, law in named.items():
+            kind = next((code for site, code in KINDS.items() if isinstance(effect, site)), None)
+            if isinstance(effect, ForceEffect):
+                dry = codes.LOADED if effect.loaded_by_command else codes.GRIPS
+                dry = codes.WEIGHED if law is not None and effect.weighs({value: 0.0}) else dry
+                kind = dry if effect.dry else codes.PUSHES
+            if kind is not None and law is not None:
+                yield kind, law, effect
+
+
+def _numbered() -> dict[Law, Formula]:
+    found: dict[Law, Formula] = {}
+    for kind, law, effect in _laws():
+        if law not in found:  # families may share one
+            number = kind + sum(
+                one.number // codes.KIND_WIDTH * codes.KIND_WIDTH == kind for one in found.values()
+            )
+            known = {*effect.inputs, *effect.memory}
+            values = {n: np.nan if v is None else v for n, v in arguments(law).items() if n not in known}
+            found[law] = Formula(number, law, values, effect)
+    return found
+
+
+LAWS: Mapping[Law, Formula] = _numbered()
+
+
+def of_kind(*kinds: int) -> list[Formula]:
+    """The laws of these kinds."""
+    return [one for one in LAWS.values() if one.number // codes.KIND_WIDTH * codes.KIND_WIDTH in kinds]
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 from string import Template
+from textwrap import dedent
 
+from gpsim.effects import ActuatorLag, Law
 from gpsim.errors import UsageError
 from gpsim.policies.policy import Policy
 
@@ -28,7 +32,18 @@ def ros_node(
         goal_y=f"{goal[1]:g}",
         max_steps=max_steps,
         limit=f"{floor / 2.0:g}",
+        law=_source(ActuatorLag.law, "lagged"),
     )
+
+
+def _source(law: Law, name: str) -> str:
+    """The text of a law under another name: a node has the catalogue's own."""
+    (function,) = ast.parse(dedent(inspect.getsource(law))).body
+    assert isinstance(function, ast.FunctionDef)
+    function.name, function.decorator_list, function.returns = name, [], None
+    for argument in function.args.args:
+        argument.annotation = None
+    return ast.unparse(function)
 
 
 _NODE = '''#!/usr/bin/env python3
@@ -76,6 +91,9 @@ def yaw_of(q):
 def turned(angle):
     """Between -pi and pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+$law
 
 
 class Monitor:
@@ -140,9 +158,9 @@ class Monitor:
             whole = int(delay // DT)
             late, total = delay - whole * DT, 0.0
             for command, time in ((self.sent[whole + 1][i], late), (self.sent[whole][i], DT - late)):
-                gap = self.level[i] - command
-                total += command * time - gap * lag * math.expm1(-time / lag)
-                self.level[i] = command + gap * math.exp(-time / lag)
+                if time > 0.0:
+                    mean, self.level[i] = lagged(command, time, self.level[i], lag)
+                    total += mean * time
             out[i] = total / DT
         return out
 

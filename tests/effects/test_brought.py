@@ -13,6 +13,7 @@ from gpsim.corrected.effects_plant import EffectsPlant, describe, plant_from
 from gpsim.effects import (
     CATALOGUE,
     FAMILIES,
+    INPUTS,
     Chain,
     Term,
     again,
@@ -22,7 +23,6 @@ from gpsim.effects import (
     read_effects,
     template,
 )
-from gpsim.effects.plain import INPUTS
 from gpsim.errors import UsageError
 from gpsim.kernels import program_of
 from gpsim.simulators import make_simulator

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.effects import Gate, Term
-from gpsim.effects.chain import Chain
+from gpsim.effects import Chain, Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.simulators.planar import PlanarVehicle
 from gpsim.simulators.simulator import Coordinate

@@ -288,7 +288,7 @@ def test_noise_is_no_ripple():
     assert ripples(q, v, rng.normal(size=1500) - 2.0 * v, u, 0.01, False) == ()
 
 
-def test_a_family_is_its_own_file_its_truth_and_a_test():
+def test_a_family_is_a_class_its_truth_and_a_test():
     """What names it elsewhere: an export that is no matter of the law, a kind that it was before, whole machines, what it costs."""
     elsewhere = {
         "mjcf/robot_template.py", "mjcf/patching.py", "trials/outside/forces.py", "trials/drawing/machine_parts.py",
@@ -298,7 +298,8 @@ def test_a_family_is_its_own_file_its_truth_and_a_test():
     texts = {p.relative_to(room).as_posix(): p.read_text() for p in room.rglob("*.py")}
     for family in catalogue.WORDS:
         files = {name for name, text in texts.items() if f'"{family}"' in text} - elsewhere
-        assert files == {f"effects/families/{family}.py", "trials/catalogue/words.py"}
+        (own,) = files - {"trials/catalogue/words.py"}
+        assert own.startswith("effects/families/")
 
 
 def tank(seconds: float, rim: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -137,8 +137,8 @@ def test_without_numba_it_is_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("at", [0.3, -2.0, 1e3, -7.7e5])
 def test_sine_and_cosine_are_good_to_the_last_bits(at: float) -> None:
-    from gpsim.kernels.circular import sine_and_cosine
     from gpsim.kernels.lanes import ANGLE, COS, LANES, SIN, SIZE
+    from gpsim.kernels.systems import sine_and_cosine
 
     b = np.zeros(SIZE)
     angles = at + np.linspace(0.0, 4 * np.pi, LANES)

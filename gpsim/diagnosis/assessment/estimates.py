@@ -51,7 +51,7 @@ GRID = 4001  # places at which a mixture's distribution is worked out
 def estimates(question: Question, found: Fit, left: float) -> tuple[dict[str, Estimate], ...]:
     """Of every term of an explanation its parameters by name. left: of the mismatch what has no name.
 
-    What is one recording's own is told apart by its parameter's name (see `gpsim.effects.own`). Intervals are what the
+    What is one recording's own is told apart by its parameter's name (see `gpsim.effects.term`). Intervals are what the
     data know of each parameter, and what physics without a name may have done to it.
     """
     problem, hypothesis = question.everything, found.hypothesis

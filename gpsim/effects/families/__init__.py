@@ -1,1 +1,1 @@
-"""The families of effects, one file each: a file that is added here is a family that is asked."""
+"""The families of effects, site by site: a class that is added here is a family that is asked."""

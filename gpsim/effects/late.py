@@ -1,46 +1,31 @@
-"""A delay: the simulator gets u(t - T), averaged over a substep.
+"""Commands that come late: what a delay remembers, and which of it acts in a substep.
 
-Astrom and Wittenmark (1997), Computer-Controlled Systems, 3rd ed., chapter 2 (sampling a system with a time
-delay): a delay of a part of a step makes two neighbouring commands act in one step.
+Astrom and Wittenmark (1997), Computer-Controlled Systems, 3rd ed., chapter 2 (sampling a system with a time delay): a
+delay of a part of a step makes two neighbouring commands act in one step. On an uneven clock a number of substeps is
+not a time: there may be more commands in a substep, or fewer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
-from gpsim.effects.elapsed import even, last_at_most
-from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
-FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
+EVEN = 1e-4  # share by which the steps of an even clock may differ: stamps are rounded
 
 
-class ActuatorDelay(ActuatorEffect):
-    """A delay: the simulator gets u(t - T), averaged over a substep."""
+class LateEffect(ActuatorEffect):
+    """The simulator gets commands of a while ago, averaged over a substep; the law says by how much they are late [s].
 
-    family: ClassVar[str] = "actuator_delay"
-    sentence: ClassVar[str] = "{on} acts {delay} late"
+    It is of `step` and `t`, no command.
+    """
+
     function_of: ClassVar[FunctionOf] = "nothing"
-    order: ClassVar[int] = 10
-    takes: ClassVar[Mapping[str, float]] = {"delay": 0.0, "drift": 0.0}
-    plausible: ClassVar[Mapping[str, Plausible]] = {
-        "delay": Plausible(
-            0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5
-        ),
-    }
-
-    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Delay [s]."""
-        dt = place.dt
-        starts: tuple[float, ...] = (0.7 * dt, 2.3 * dt, 5.3 * dt)
-        if place.longest_delay > FAR * dt:
-            starts += (FAR * dt,)
-        return (EffectParameter("delay", "s", 0.0, place.longest_delay, starts, dt),)
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
         """The commands of the last `longest` seconds: none yet; and how long each one lasted [s], the newest last.
@@ -51,10 +36,6 @@ class ActuatorDelay(ActuatorEffect):
         length = np.full_like(past, step)
         return {"past": past, "head": np.zeros(count), "length": length, "uneven": np.zeros(count)}
 
-    def remembers(self, values: Values) -> float:
-        """The longest delay [s]."""
-        return float(np.max(values["delay"], initial=0.0))
-
     def finer(self, memory: Memory, times: int) -> Memory:
         """Every command of the past so many times, as long as before in all."""
         past, length = (np.repeat(a, times, axis=1) for a in (_in_order(memory), memory["length"] / times))
@@ -64,45 +45,28 @@ class ActuatorDelay(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """What was commanded a delay ago, between substeps their weighted mean."""
-        late = self.late(values, step, t)
-        if _uneven(memory, step):
-            acted, shares = _met(commands, late, memory, step)
+        acted, shares = self.pieces(commands, values, memory, step, t)
+        if memory["uneven"].any():
             return np.asarray((acted * shares).sum(axis=2))
-        earlier, recent, share = self._neighbours(commands, late, memory, step)
-        return np.asarray(recent + share * (earlier - recent))
+        earlier, recent = acted[:, :, 0], acted[:, :, 1]
+        return np.asarray(recent + shares[:, :, 0] * (earlier - recent))
 
     def pieces(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """The earlier of two neighbouring commands, then the later one; on an uneven clock there may be more."""
-        late = self.late(values, step, t)
+        late = np.asarray(self.ask(values, step=step, t=t))
         if _uneven(memory, step):
             return _met(commands, late, memory, step)
-        earlier, recent, share = self._neighbours(commands, late, memory, step)
+        earlier, recent, share = _neighbours(commands, late, memory, step)
         return np.stack([earlier, recent], axis=2), np.stack([share, 1.0 - share], axis=2)
 
-    def late(self, values: Values, step: FloatArray, t: FloatArray) -> FloatArray:
-        """(B, 1) or (B, K) s by how much commands are late in substeps that begin at t (B, K) s."""
-        return values["delay"]
 
-    def _neighbours(
-        self, commands: FloatArray, late: FloatArray, memory: Memory, step: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(B, K) each: the two commands of a substep a delay ago, and the earlier one's share of it."""
-        past, (rows, count) = memory["past"], commands.shape
-        depth = past.shape[1]
-        back = np.minimum(late / step, depth - 1.0)
-        whole = back.astype(np.int64)
-        if count == 1:  # step by step, all of a long past would be moved each time
-            row, head = np.arange(rows)[:, None], memory["head"].astype(np.int64)[:, None]
-            earlier = past[row, (head - whole - 1) % depth]
-            past[row, head] = commands  # over the oldest
-            memory["head"][:] = ((head + 1) % depth)[:, 0]
-            return earlier, past[row, (head - whole) % depth], back - whole
-        line = np.concatenate([_in_order(memory), commands], axis=1)
-        place = np.arange(depth, depth + count) + (depth + count) * np.arange(rows)[:, None] - whole
-        past[:] = line[:, count:]
-        return line.take(place - 1), line.take(place), back - whole
+def even(steps: FloatArray, usual: FloatArray) -> bool:
+    """Whether all steps [s] are as long as the usual one (any shape)."""
+    low, high = float(usual.min(initial=np.inf)), float(usual.max(initial=0.0))
+    shortest, longest = float(steps.min(initial=np.inf)), float(steps.max(initial=0.0))
+    return bool(shortest >= (1.0 - EVEN) * high and longest <= (1.0 + EVEN) * low)
 
 
 def _uneven(memory: Memory, step: FloatArray) -> bool:
@@ -123,6 +87,26 @@ def _in_order(memory: Memory) -> FloatArray:
     return past
 
 
+def _neighbours(
+    commands: FloatArray, late: FloatArray, memory: Memory, step: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(B, K) each: the two commands of a substep a delay ago, and the earlier one's share of it."""
+    past, (rows, count) = memory["past"], commands.shape
+    depth = past.shape[1]
+    back = np.minimum(late / step, depth - 1.0)
+    whole = back.astype(np.int64)
+    if count == 1:  # step by step, all of a long past would be moved each time
+        row, head = np.arange(rows)[:, None], memory["head"].astype(np.int64)[:, None]
+        earlier = past[row, (head - whole - 1) % depth]
+        past[row, head] = commands  # over the oldest
+        memory["head"][:] = ((head + 1) % depth)[:, 0]
+        return earlier, past[row, (head - whole) % depth], back - whole
+    line = np.concatenate([_in_order(memory), commands], axis=1)
+    place = np.arange(depth, depth + count) + (depth + count) * np.arange(rows)[:, None] - whole
+    past[:] = line[:, count:]
+    return line.take(place - 1), line.take(place), back - whole
+
+
 def _met(
     commands: FloatArray, delay: FloatArray, memory: Memory, step: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -134,12 +118,10 @@ def _met(
     ends = np.cumsum(lengths, axis=1)
     begins = ends - lengths
     row, own = np.arange(count)[:, None], np.arange(depth, width)
-    low = np.maximum(
-        begins[:, depth:] - delay, 0.0
-    )  # the oldest command is all that is known of what was before
-    high = np.maximum(ends[:, depth:] - delay, 0.0)
-    first = np.minimum(last_at_most(lambda place: begins[row, place], width, low), own)
-    last = np.minimum(last_at_most(lambda place: begins[row, place], width, high), own)
+    # The oldest command is all that is known of what was before.
+    low, high = (np.maximum(edges[:, depth:] - delay, 0.0) for edges in (begins, ends))
+    first = np.minimum(_last_at_most(lambda place: begins[row, place], width, low), own)
+    last = np.minimum(_last_at_most(lambda place: begins[row, place], width, high), own)
     pieces = int((last - first).max(initial=0)) + 1
     # What follows may have play in it, which a command moves that lasts no time: none is met that has not begun.
     place = np.minimum(first[:, :, None] + np.arange(pieces), last[:, :, None])
@@ -150,3 +132,17 @@ def _met(
     whole = met.sum(axis=2, keepdims=True)
     met[:, :, :1] += whole <= 0.0  # a substep of no length meets one command
     return line[rows, place], met / np.where(whole > 0.0, whole, 1.0)
+
+
+def _last_at_most(rising: Callable[[IntArray], FloatArray], count: int, most: FloatArray) -> IntArray:
+    """The last of `count` places at which what rises with the place is at most `most`, elementwise; 0 where none is.
+
+    rising: places -> values, both in the shape of `most`.
+    """
+    low = np.zeros(most.shape, dtype=np.int64)
+    beyond: IntArray = np.full(most.shape, count, dtype=np.int64)
+    for _ in range(count.bit_length()):  # halves what is left
+        middle = (low + beyond) // 2
+        reached: BoolArray = rising(middle) <= most
+        low, beyond = np.where(reached, middle, low), np.where(reached, beyond, middle)
+    return low

@@ -1,0 +1,190 @@
+"""What a simulator has otherwise than was believed: its parameters, bodies of a model, and rates of a vessel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import Each, ModelEffect, ParameterEffect, RateEffect, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.simulators import Simulator
+
+STEEPEST = 1.5  # rad
+
+
+class ParameterOffset(ParameterEffect):
+    """A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
+
+    Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believed + offset.
+    """
+
+    family = "parameter_offset"
+    sentence = "{on} is {ratio} times what the simulator believes"
+    function_of = "nothing"
+    plausible = {
+        "ratio": Plausible(
+            0.25,
+            4.0,
+            "1",
+            "masses are off by tens of per cent (Armstrong, Khatib and Burdick 1986), an uncounted drive doubles them",
+        )
+    }
+
+    @staticmethod
+    def law(believed: Each, ratio: Each) -> Each:
+        return believed * ratio
+
+    @staticmethod
+    def shifted(believed: Each, offset: Each) -> Each:
+        """Of what may be 0."""
+        return believed + offset
+
+    laws = {"offset": "shifted"}
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Ratio [1]; of what may be 0, as a place may, the offset [its own]."""
+        if place.additive:
+            span, (low, high) = place.span, place.bounds
+            return (EffectParameter("offset", place.unit, low, high, (0.1 * span,), 0.1 * span),)
+        low, high = max(0.05, place.bounds[0]), min(20.0, place.bounds[1])
+        start = 1.1 if high >= 1.1 else max(low, 0.9)
+        return (EffectParameter("ratio", "1", low, high, (start,), 0.2, none=1.0),)
+
+
+class Payload(ModelEffect):
+    """A payload: a point mass carried by a body, which nobody told the simulator of.
+
+    Steiner's theorem (1840) gives mass, centre of mass and moments of inertia of both together.
+    """
+
+    family = "payload"
+    acts_on = "a body"
+    sentence = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out"
+    function_of = "nothing"
+    plausible = {
+        "mass": Plausible(
+            0.0,
+            5.0,
+            "size",
+            "what arms lift by their data sheets: five times of what their last body weighs, or half of all that moves",
+        )
+    }
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Mass [kg], and where it sits in the body's frame: x, y, z [m]."""
+        span, wide, near = place.span, 2 * place.reach, 0.3 * place.reach
+        centre = place.centre or (0.0, 0.0, 0.0)
+        return (
+            EffectParameter("mass", "kg", 0.0, 20 * span, (0.2 * span,), 0.2 * span),
+            *(
+                EffectParameter(axis, "m", at - wide, at + wide, (at,), near, none=at, place=True)
+                for axis, at in zip("xyz", centre, strict=True)
+            ),
+        )
+
+
+class Armature(ModelEffect):
+    """Armature: what turns with a motor behind its gear weighs on the joint, and on nothing else.
+
+    Featherstone (2008), "Rigid Body Dynamics Algorithms", section 9.6: gear ratio squared times the rotor's inertia.
+    """
+
+    family = "armature"
+    acts_on = "a joint"
+    sentence = "rotor inertia of {inertia} on {on} was left out"
+    function_of = "nothing"
+    noun = "rotor inertia"
+    plausible = {
+        "inertia": Plausible(
+            0.0,
+            3.0,
+            "size",
+            "some 0.1 kg m^2 on small arms (MuJoCo Menagerie), as much as the load where gears are matched",
+            least=1.0,
+        )
+    }
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Inertia [the joint's: kg m^2 of a hinge, kg of a slide]."""
+        span, low = place.span, place.bounds[0]
+        return (EffectParameter("inertia", place.unit, low, 20 * span, (0.2 * span,), 0.2 * span),)
+
+
+class GravityTilt(ModelEffect):
+    """A tilted base: gravity does not pull along the axis that the simulator believes.
+
+    Definition: gravity in a base that was turned by roll about its x, then by pitch about its y.
+    """
+
+    family = "gravity_tilt"
+    acts_on = "`gravity`"
+    sentence = "the base is tilted by a roll of {roll} and a pitch of {pitch}"
+    function_of = "nothing"
+    noun = "a tilt of gravity"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Roll and pitch [rad]."""
+        return (
+            EffectParameter("roll", "rad", -STEEPEST, STEEPEST, (0.05,), 0.05),
+            EffectParameter("pitch", "rad", -STEEPEST, STEEPEST, (0.05, -0.05), 0.05),
+        )
+
+
+class GravityCompensation(ModelEffect):
+    """Gravity compensation: a controller holds a robot against gravity, and its commands leave that torque out.
+
+    Definition: the joints get u + s g(q) for the command u and what gravity asks of them, g(q), with a share s near 1.
+    """
+
+    family = "gravity_compensation"
+    acts_on = "`gravity`"
+    sentence = "the controller adds {share} times the torque against gravity to its commands"
+    function_of = "nothing"
+    noun = "gravity compensation"
+    plausible = {
+        "share": Plausible(0.8, 1.2, "1", "compensated by a model whose masses are off by some ten per cent")
+    }
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """The share [1], most of gravity at least: less is another gravity, or other masses."""
+        return (EffectParameter("share", "1", 0.75, 1.25, (1.0,), 0.05),)
+
+
+class Overflow(RateEffect):
+    """An overflow: at its rim a level rises no further, whatever flows in.
+
+    Definition: what comes in beyond the rim is lost, as in a vessel that spills (the cascaded tanks of Schoukens,
+    Mattsson, Wigren and Noel 2016 do). It acts on states of the first order, and is asked of channels whose readings
+    stand at their highest value.
+    """
+
+    family = "overflow"
+    sentence = "{on} overflows at {rim}"
+    gated = False
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """States whose rate is their own: neither a coordinate nor its velocity."""
+        if hasattr(simulator, "rolled"):  # it owns its integration (see `gpsim.effects.closed_step`)
+            return ()
+        return tuple(n for n in simulator.state.names if f"{n}_rate" in simulator.rate.names)
+
+    def offers(self, place: Place, variant: str) -> bool:
+        """Where readings stand at the highest."""
+        return variant == "" and place.stands[1]
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Rim [the channel's]."""
+        return (place.reading_end("rim", highest=True),)
+
+    def added(
+        self, simulator: Simulator, state: FloatArray, action: FloatArray,
+        parameters: Mapping[str, float | FloatArray], values: Values, on: str,
+    ) -> FloatArray:  # fmt: skip
+        """Minus what the full vessel would rise by."""
+        column, out = simulator.rate.index(f"{on}_rate"), np.zeros((len(state), len(simulator.rate)))
+        full = state[:, simulator.state.index(on)] >= values["rim"]
+        rising = np.maximum(simulator.rates(state, action, parameters)[:, column], 0.0)
+        out[:, column] = np.where(full, -rising, 0.0)
+        return out
