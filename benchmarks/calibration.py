@@ -29,10 +29,10 @@ from gpsim.diagnosis.assessment import intervals
 from gpsim.diagnosis.fitting import fit
 from gpsim.diagnosis.setup import candidates, prepare
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding import conceal
+from gpsim.trials.concealing import conceal
 from gpsim.trials.drawing import SIZE, stratum_of
-from gpsim.trials.rivals import as_hypothesis
-from gpsim.trials.statistics import rate
+from gpsim.trials.fits import as_hypothesis
+from gpsim.trials.intervals import rate
 from gpsim.workers import begin_worker, worker_pool
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
@@ -55,7 +55,7 @@ def chosen(count: int) -> Iterator[int]:
 def calibrated(seed: int, number: int) -> list[Row]:
     """One row a parameter of a world's true effects."""
     concealed = conceal(seed, number)
-    world, recording = concealed.world, concealed.recording
+    world, recording = concealed.world, concealed.recordings[0]
     simulator = make_simulator(world.system)
     parameters = simulator.defaults(recording.parameters)
     question = prepare(recording, simulator, parameters)

@@ -23,11 +23,11 @@ from gpsim.errors import UsageError
 from gpsim.posterior import Explanation, LeftOpen, visited_of
 from gpsim.simulators import make_simulator
 from gpsim.stages.plan import planned
-from gpsim.trials.blinding import MINUTES, conceal_plan
+from gpsim.trials.concealing import MINUTES, conceal
 from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of
-from gpsim.trials.rivals import compared
-from gpsim.trials.scoring import score_plan_kinds
-from gpsim.trials.statistics import plan_figures
+from gpsim.trials.figures import plan_figures
+from gpsim.trials.plan_rivals import compared
+from gpsim.trials.scoring_parts import score_plan_kinds
 from gpsim.trials.worlds import World
 
 TIE = np.log(10.0)
@@ -80,8 +80,8 @@ def left_open(world: World, question: Question) -> LeftOpen:
 
 def tried(seed: int, number: int, words: Sequence[str]) -> dict[str, object]:
     """The score of one world."""
-    concealed = conceal_plan(seed, number)
-    world, recording = concealed.world, concealed.recording
+    concealed = conceal(seed, number)
+    world, recording = concealed.world, concealed.recordings[0]
     simulator = make_simulator(recording.system)
     question = prepare(replace(recording, held_out=None), simulator, simulator.defaults(recording.parameters))
     open_still = left_open(world, question)

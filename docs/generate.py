@@ -1,4 +1,4 @@
-"""Write what is made from the code and from records: pages of docs/ and conf/diagnose/default.yaml."""
+"""Write what is made from the code and from records: pages of docs/, benchmarks/proofs.md and conf/diagnose/default.yaml."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from generators.cli import cli_page
 from generators.configuration import configuration_page
 from generators.effects import effects_page
 from generators.index import index_page
-from generators.proofs import proofs_page
+from generators.proofs import proofs_page, seeds_page
 from generators.python_page import page as python_page
 from generators.settings import as_page, as_yaml
 
@@ -20,7 +20,8 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/reference/configuration.md": configuration_page,
     "docs/reference/effects.md": effects_page,
     "docs/reference/python.md": python_page,
-    "docs/method/proofs.md": proofs_page,
+    "docs/method/proofs.md": seeds_page,
+    "benchmarks/proofs.md": proofs_page,
     "docs/index.md": index_page,
     "conf/diagnose/default.yaml": lambda: as_yaml(Settings()),
 }

@@ -1,4 +1,4 @@
-"""docs/method/proofs.md: every reported blind test, from its record in benchmarks/proofs."""
+"""Every reported blind test, from its record: benchmarks/proofs.md, and docs/method/proofs.md, which compares them."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from gpsim.reports.prove_page import record_sheets, section
 from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.reports.sheets import fixed, significant
-from gpsim.trials.statistics import GOALS
+from gpsim.trials.goals import GOALS
 
 from . import MADE
 
@@ -14,8 +14,8 @@ RECORDS = Path(__file__).resolve().parents[2] / "benchmarks" / "proofs"
 HEAD = f"""# Blind tests, seed by seed
 
 {MADE.format(source="`benchmarks/proofs/*.json`")}
-What is concealed and what counts is on [the page of the blind test](blind_test.md). How a record comes here:
-[repeat a proof](../how-to/prove.md#publish-a-record).
+What is concealed and what counts is on [the page of the blind test](METHOD/blind_test.md). How a record comes here:
+[repeat a proof](HOW_TO/prove.md#publish-a-record).
 
 Each seed was run once, with worlds that nothing had been tuned on. Its answers were hashed before the first
 diagnosis and opened after the last. The worlds of a seed that was opened serve for tuning, and the next one is
@@ -23,18 +23,28 @@ new. So the columns are of different worlds, and their rules differ a little: ea
 NOTE = """\
 `!`: that seed's own goal was missed. Up to seed 2031 a figure itself had to reach its goal, and the goals were
 95, 88 and 75 % of worlds with one, two and three effects, and 90 % outside the catalogue. The interval of a
-share, with every other table and every miss, is below. Seconds are of one core, beside another trial."""
+share, with every other table and every miss, is with its seed. Seconds are of one core, beside another trial."""
 
 
 def proofs_page() -> str:
     """The comparison, then seed by seed, the newest first."""
-    records = sorted((json.loads(p.read_text(encoding="utf-8")) for p in RECORDS.glob("*.json")), key=_newest)
-    parts = [HEAD, "## All of them", _comparison(records), NOTE, *map(_proof, records)]
+    return _page(HEAD.replace("METHOD", "../docs/method").replace("HOW_TO", "../docs/how-to"), _proof)
+
+
+def seeds_page() -> str:
+    """The comparison, and where each seed's tables and misses are."""
+    link = "[Every table and every miss](../../benchmarks/proofs.md#seed-{seed})."
+    return _page(
+        HEAD.replace("METHOD/", "").replace("HOW_TO", "../how-to"),
+        lambda record: f"## Seed {record['seed']}\n\n{link.format(seed=record['seed'])}",
+    )
+
+
+def _page(head: str, section_of) -> str:
+    records = [json.loads(p.read_text(encoding="utf-8")) for p in RECORDS.glob("*.json")]
+    records.sort(key=lambda record: -record["seed"])
+    parts = [head, "## All of them", _comparison(records), NOTE, *map(section_of, records)]
     return "\n\n".join(parts) + "\n"
-
-
-def _newest(record):
-    return -record["seed"]
 
 
 def _comparison(records) -> str:

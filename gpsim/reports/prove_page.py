@@ -10,7 +10,7 @@ from gpsim.reports.canvas import page_of, resource
 from gpsim.reports.prove_groups import GROUPS
 from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, printable, row, sheet
-from gpsim.trials.statistics import EQUIVALENT
+from gpsim.trials.goals import EQUIVALENT
 
 Json = Mapping[str, Any]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from gpsim.reports.prove_groups import brief_sheets, group_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
-from gpsim.trials.statistics import GOALS, bounds_of
+from gpsim.trials.goals import GOALS, bounds_of
 
 Json = Mapping[str, Any]
 SIZES = ("single", "pair", "triple")

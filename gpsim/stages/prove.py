@@ -30,20 +30,13 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import (
-    ARM,
-    CURVES_FROM,
-    MACHINES_FROM,
-    PLANS_FROM,
-    ROUGH_FROM,
-    WORDS_FROM,
-    kind_of,
-    stratum_of,
-)
+from gpsim.trials.drawing import CURVES_FROM, PLANS_FROM, WORDS_FROM, stratum_of
+from gpsim.trials.machines import ARM, MACHINES_FROM, kind_of
 from gpsim.trials.robots import AFLOAT_FROM, ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
+from gpsim.trials.rough import ROUGH_FROM
 from gpsim.trials.scoring import score_trial
-from gpsim.trials.statistics import summarise
+from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"

@@ -1,20 +1,42 @@
 """Trials: concealed worlds with a known truth. Conceal, diagnose blind, reveal, score.
 
-The rooms, each of which knows only those before it:
+The files, each of which knows only those before it:
 
-    worlds      what a concealed world is, as plain data
-    catalogue   the catalogue's laws and their strengths, written a second time
-    outside     physics outside the catalogue, a class a kind
-    truth       what truly happens in a world, and how visible each effect is
-    drawing     a world from a seed and a trial's number
-    robots      the same of worlds whose simulator is a MuJoCo model, and how they move
-    blinding    conceal, diagnose blind, reveal
-    rivals      other explanations of a world, and another program's
-    scoring     one diagnosis against its answer
-    statistics  figures of all trials, and the goals
+    worlds, driving               what a concealed world is, as plain data, and how it is driven
+    catalogue                     the catalogue's laws and their strengths, written a second time
+    outside, outside_*            physics outside the catalogue, a class a kind
+    bodies, truth, shares         what truly happens in a world, and how visible each effect is
+    drawing, rough, machines      a world from a seed and a trial's number
+    robots                        the same of worlds whose simulator is a MuJoCo model, and how they move
+    concealing, blinding          conceal, diagnose blind, reveal
+    fits, equivalents, sindy,     other explanations of a world, and another program's
+    judged, plan_rivals
+    claims, contradictions,       one diagnosis against its answer
+    scoring_parts, scoring
+    goals, intervals, figures,    figures of all trials, and the goals
+    summary
 
 Nothing that makes the truth (all up to `robots`) imports `gpsim.effects`, `gpsim.simulators`, `gpsim.mjcf` or
 `gpsim.diagnosis`: the laws are written down a second time, so that a mistake in one cannot hide behind the same mistake
-in the other. Only the rules for equivalents in `rivals` fit with the diagnosis's engine, after the reveal.
-`gpsim.diagnosis` can never import this package, which knows the answers.
+in the other. Only the rules for equivalents fit with the diagnosis's engine, after the reveal. `gpsim.diagnosis` can
+never import this package, which knows the answers.
 """
+
+__all__ = [
+    "blinding",
+    "catalogue",
+    "concealing",
+    "drawing",
+    "figures",
+    "fits",
+    "goals",
+    "intervals",
+    "machines",
+    "plan_rivals",
+    "robots",
+    "rough",
+    "scoring",
+    "scoring_parts",
+    "summary",
+    "worlds",
+]

@@ -13,7 +13,7 @@ from gpsim.cli.main import app
 
 from gpsim.errors import UsageError
 from gpsim.stages import prove
-from gpsim.trials.blinding import blind_diagnosis
+from gpsim.trials import blinding
 
 STAGES = (
     "train-source", "collect", "build-residuals", "fit-gp", "diagnose", "train-gp-policy", "certify", "evaluate",
@@ -183,7 +183,7 @@ def test_a_plan_is_written(gpsim, tmp_path):
 
 def test_every_step_of_a_proof(gpsim, monkeypatch, tmp_path):
     """Of a diagnosis that fails at once: what it finds is of no interest here."""
-    monkeypatch.setattr(blind_diagnosis, "COMMAND", "raise SystemExit(2)")
+    monkeypatch.setattr(blinding, "COMMAND", "raise SystemExit(2)")
     monkeypatch.setattr(prove, "run_trials", lambda job, numbers, *_: [(n, job(n)) for n in numbers])
     proof = ["--out", tmp_path / "proof"]
     code, out, err = gpsim("prove", "conceal", *proof, "--seed", 9, "--trials", 1, "--jobs", 1, "--json")

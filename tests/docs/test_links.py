@@ -10,6 +10,7 @@ PAGES = [
     ROOT / "README.md",
     ROOT / "CHANGELOG.md",
     ROOT / "data" / "README.md",
+    ROOT / "benchmarks" / "proofs.md",
     *sorted(ROOT.glob("docs/**/*.md")),
 ]
 FENCE = re.compile(r"^```.*?^```$", flags=re.MULTILINE | re.DOTALL)

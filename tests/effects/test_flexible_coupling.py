@@ -16,7 +16,7 @@ from gpsim.diagnosis.settings import Known, WindowSettings
 from gpsim.effects import FAMILIES, Chain, Term
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator
-from gpsim.trials.truth.body import Body
+from gpsim.trials.bodies import Body, Now
 from gpsim.trials.worlds import TrueEffect
 
 SLIDER, PENDULUM, MASS, HELD = make_simulator("slider"), make_simulator("pendulum"), 2.0, 0.05
@@ -140,7 +140,7 @@ def test_the_truth_is_the_same_law(system):
     for _ in range(10):
         u = 5.0 * rng.normal(size=(3, 1))
         for _ in range(20):
-            truth, hidden = body.step(truth, hidden, u, t, t, h)
+            truth, hidden = body.step(truth, hidden, Now(u, t, t), h)
             state = chain.advance(state, u, values, np.full(3, h), t, None, bends)
     np.testing.assert_allclose(state, truth, atol=1e-4)
     np.testing.assert_allclose(bends["0/bend"][:, 0], hidden[:, 0], atol=1e-4)

@@ -20,9 +20,10 @@ from gpsim.effects import FAMILIES, Chain, Place, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 from gpsim.trials import catalogue
-from gpsim.trials.drawing import draws
-from gpsim.trials.truth import run, visibilities
-from gpsim.trials.worlds import SYSTEMS, Dial, Scales
+from gpsim.trials.drawing import bare_world, with_effects
+from gpsim.trials.shares import visibilities
+from gpsim.trials.truth import run
+from gpsim.trials.worlds import SYSTEMS, Scales
 
 MASS, SECONDS, H = 2.0, 1.0, 0.0025
 SLIDER = make_simulator("slider")
@@ -222,12 +223,11 @@ def test_a_rollout_begins_in_no_reading_that_a_range_or_a_zone_hides():
 @pytest.mark.parametrize("family", ["sensor_saturation", "sensor_dead_zone"])
 def test_a_world_counts_what_only_readings_show(family):
     system, rng = SYSTEMS["pendulum"], np.random.default_rng(4)
-    world = draws.bare_world(11, 3, 1, "words", False, system, "measured", [(family, "theta")], rng)
+    world = bare_world(11, 3, 1, "words", False, system, "measured", [(family, "theta")], rng)
     world = replace(world, episodes=4, steps=100, dt=0.02)
-    effect = draws.effect(
-        family, "theta", Scales(world, run(world, (), 0.005)), Dial(rng, 0.9), may_gate=False, rng=rng
-    )
-    world = replace(world, effects=(effect,))
+    scales = Scales(world, run(world, (), 0.005))
+    world = with_effects(world, [(family, "theta")], scales, (0.9, 0.9), rng)
+    (effect,) = world.effects
     (seen,) = visibilities(world, run(world, (effect,), 0.002))
     assert seen.share > 0.05
 
@@ -239,15 +239,14 @@ def test_a_short_world_of_each_is_named_with_its_sizes(family):
     system = SYSTEMS[WORLDS.get(family, "slider")]
     rng = np.random.default_rng(4)
     place = catalogue.places_of(family, system)[0]
-    world = draws.bare_world(
+    world = bare_world(
         11, 3, 1, "words", False, system, None if system.vehicle else "measured", [(family, place)], rng
     )
     noise = {name: sd * CALM.get(family, 1.0) for name, sd in world.noise.items()}
     world = replace(world, episodes=8, steps=150, dt=0.02, excitation="steps", integrator="rk4", noise=noise)
-    effect = draws.effect(
-        family, place, Scales(world, run(world, (), 0.005)), Dial(rng, 0.7), may_gate=False, rng=rng
-    )
-    world = replace(world, effects=(effect,))
+    scales = Scales(world, run(world, (), 0.005))
+    world = with_effects(world, [(family, place)], scales, (0.7, 0.7), rng)
+    (effect,) = world.effects
     found = run(world, (effect,), 0.002)
     t = world.dt * np.arange(world.steps + 1)
     simulator = make_simulator(system.name)
@@ -291,14 +290,14 @@ def test_noise_is_no_ripple():
 def test_a_family_is_a_class_its_truth_and_a_test():
     """What names it elsewhere: an export that is no matter of the law, a kind that it was before, whole machines, what it costs."""
     elsewhere = {
-        "mjcf/robot_template.py", "mjcf/patching.py", "trials/outside/forces.py", "trials/drawing/machine_parts.py",
-        "trials/outside/twists.py", "diagnosis/ladder/laws.py",
+        "mjcf/robot_template.py", "mjcf/patching.py", "trials/outside_forces.py", "trials/machines.py",
+        "trials/outside_chain.py", "diagnosis/ladder/laws.py",
     }  # fmt: skip
     room = Path(gpsim.__file__).parent
     texts = {p.relative_to(room).as_posix(): p.read_text() for p in room.rglob("*.py")}
     for family in catalogue.WORDS:
         files = {name for name, text in texts.items() if f'"{family}"' in text} - elsewhere
-        (own,) = files - {"trials/catalogue/words.py"}
+        (own,) = files - {"trials/catalogue.py"}
         assert own.startswith("effects/families/")
 
 

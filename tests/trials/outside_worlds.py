@@ -4,13 +4,12 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from gpsim.trials.drawing import draws, places_of
+from gpsim.trials import drawing as draws
+from gpsim.trials.bodies import Body, Now
+from gpsim.trials.drawing import places_of
 from gpsim.trials.outside import KINDS
-from gpsim.trials.truth import run
-from gpsim.trials.truth.body import Body, Vehicle
-from gpsim.trials.truth.replay import Replay
+from gpsim.trials.truth import Replay, run
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 
 CART = {"gravity": 9.8, "cart_mass": 1.2, "pole_mass": 0.2, "pole_half_length": 0.4}
@@ -48,7 +47,7 @@ def driven(system, parameters, effect, start, push, seconds):
     states, hidden = [s[0]], [z[0]]
     for i in range(round(seconds / H)):
         t = np.full(1, i * H)
-        s, z = body.step(s, z, np.full((1, 1), push(i * H + H / 2)), t, t, H)
+        s, z = body.step(s, z, Now(np.full((1, 1), push(i * H + H / 2)), t, t), H)
         states.append(s[0])
         hidden.append(z[0])
     return np.array(states), np.array(hidden)
@@ -57,35 +56,6 @@ def driven(system, parameters, effect, start, push, seconds):
 def slid(kind, k, start, push, seconds):
     """State and hidden state of a slider of 2 kg, every fine step."""
     return driven("slider", {"mass": 2.0}, TrueEffect(kind, "q", k), start, push, seconds)
-
-
-def rolled(kind, k, u, seconds, yaw=0.0):
-    """(K + 1, 3) and (K + 1, H) pose and hidden state under the twist u (2,)."""
-    vehicle = Vehicle([TrueEffect(kind, "vehicle", k)])
-    s, t = np.array([[0.0, 0.0, yaw]]), np.zeros(1)
-    z = vehicle.begin(s)
-    poses, hidden = [s[0]], [z[0]]
-    for _ in range(round(seconds / H)):
-        s, z = vehicle.step(s, z, np.array([u]), t, t, H)
-        poses.append(s[0])
-        hidden.append(z[0])
-    return np.array(poses), np.array(hidden)
-
-
-def acted(actuator, commands, start=0.0):
-    """What acts in each fine step under commands (K,)."""
-    none = np.zeros((1, 4))
-    return np.array(
-        [actuator.act(np.array([u]), none, np.full(1, start + i * H), H)[0] for i, u in enumerate(commands)]
-    )
-
-
-def reference(slope, start, seconds, points):
-    """(points, N) of y' = slope(t, y), by a method and tolerances of its own; no step jumps over a knock."""
-    t = np.linspace(0.0, seconds, points)
-    return solve_ivp(
-        slope, (0.0, seconds), start, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12, max_step=2e-3
-    ).y.T
 
 
 def check_replay(kind, system):

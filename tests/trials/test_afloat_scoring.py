@@ -10,8 +10,8 @@ from gpsim.errors import UsageError
 from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
-from gpsim.trials.scoring.afloat_rules import score_afloat
-from gpsim.trials.statistics import summarise
+from gpsim.trials.scoring_parts import score_afloat
+from gpsim.trials.summary import summarise
 
 pytest.importorskip("mujoco")
 TRUE = [

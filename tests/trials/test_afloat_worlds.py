@@ -11,22 +11,13 @@ from scipy.integrate import solve_ivp
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages.prove import robots_numbers
-from gpsim.trials.blinding import robot_worlds, write_trial
-from gpsim.trials.blinding.trial_files import recording_digests
+from gpsim.trials import concealing as robot_worlds
+from gpsim.trials.blinding import recording_digests, write_trial
 from gpsim.trials.drawing import plan_rank
-from gpsim.trials.robots import (
-    AFLOAT_FROM,
-    afloat,
-    draw_afloat,
-    kept_afloat,
-    layout_of,
-    run_afloat,
-    shown_afloat,
-)
-from gpsim.trials.robots.afloat import afloat_rank, dealt, items_of
-from gpsim.trials.robots.free_motion import Mover
-from gpsim.trials.robots.models import AFLOAT
-from gpsim.trials.robots.pilots import turned
+from gpsim.trials.robots import afloat
+from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, dealt, draw_afloat, items_of
+from gpsim.trials.robots.floating import Mover, kept_afloat, run_afloat, shown_afloat, turned
+from gpsim.trials.robots.models import AFLOAT, layout_of
 from gpsim.trials.worlds import TrueEffect
 
 pytest.importorskip("mujoco")

@@ -11,10 +11,10 @@ from gpsim.errors import UsageError
 from gpsim.stages import prove
 from gpsim.trials.blinding import Answer
 from gpsim.trials.drawing import CURVES_FROM, draw, stratum_of
-from gpsim.trials.outside import CURVES, true_curve
-from gpsim.trials.outside.free_curves import MISSES, drawn_law, missed, smooth
-from gpsim.trials.scoring.curve_rules import score_curve
-from gpsim.trials.statistics import summarise
+from gpsim.trials.outside import CURVES
+from gpsim.trials.outside_curves import MISSES, drawn_law, missed, smooth, true_curve
+from gpsim.trials.scoring_parts import score_curve
+from gpsim.trials.summary import summarise
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from gpsim.trials.blinding import Answer, concealment
+from gpsim.trials import concealing as concealment
+from gpsim.trials.blinding import Answer
 from gpsim.trials.drawing import draw
-from gpsim.trials.rivals import Rival
-from gpsim.trials.rivals.equivalents import rivals
+from gpsim.trials.equivalents import rivals
+from gpsim.trials.fits import Rival
 from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10
@@ -25,7 +26,7 @@ def concealed_slider(monkeypatch, effects, **how):
     monkeypatch.setattr(concealment, "draw", drawn)
     concealed = concealment.conceal(SEED, NUMBER)
     content = concealed.answer("")
-    return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recording
+    return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recordings[0]
 
 
 @pytest.fixture
@@ -78,7 +79,7 @@ def test_a_gain_of_a_swinging_pendulum_is_a_mass(monkeypatch):
     concealed = concealment.conceal(2027, 770)
     content = concealed.answer("")
     answer = Answer(content, [e.states for e in concealed.clean.episodes], None, None)
-    equal = {r.claims for r in rivals(answer, concealed.recording) if r.equivalent}
+    equal = {r.claims for r in rivals(answer, concealed.recordings[0]) if r.equivalent}
     assert (("parameter_offset", "mass"),) in equal
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding import even_recording
-from gpsim.trials.rivals.fits import rollouts_over_truth
-from gpsim.trials.rivals.machine_rivals import MachineJudge
+from gpsim.trials.concealing import even_recording
+from gpsim.trials.fits import rollouts_over_truth
+from gpsim.trials.judged import MachineJudge
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import TrueEffect
 

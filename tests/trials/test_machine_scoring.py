@@ -7,9 +7,9 @@ import pytest
 from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
-from gpsim.trials.rivals import MachineListing, Seen
-from gpsim.trials.scoring.machine_rules import black_box, of_first, score_machine
-from gpsim.trials.statistics import summarise
+from gpsim.trials.judged import MachineListing, Seen
+from gpsim.trials.scoring_parts import black_box, of_first, score_machine
+from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import TrueEffect, effect_json
 
 from .test_scoring import answer, report, said

@@ -1,7 +1,6 @@
 """Whole machines: what is drawn, what truly moves against equations written down by hand, and what is written."""
 
 import json
-import subprocess
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,35 +12,28 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages import prove
-from gpsim.trials.blinding import (
-    ANSWER,
-    PRIVATE,
-    PUBLIC,
-    blind_diagnosis,
-    machine_worlds,
-    recording_folders,
-    write_trial,
+from gpsim.trials import blinding, concealing
+from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, recording_folders, write_trial
+from gpsim.trials.concealing import logged
+from gpsim.trials.driving import FREE, _trapezoid, drive, starts
+from gpsim.trials.machines import (
+    ARM,
+    FEWEST,
+    KINDS,
+    MACHINES_FROM,
+    MOST,
+    PARTS,
+    Sizes,
+    _sessions,
+    draw_machine,
+    kind_of,
+    machine_rank,
+    parts_of,
 )
-from gpsim.trials.blinding.logs import logged
-from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
-from gpsim.trials.drawing.machine_draws import _sessions
-from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
-from gpsim.trials.robots import layout_of
 from gpsim.trials.robots.draws import ARMS, arms_places
+from gpsim.trials.robots.models import layout_of
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import (
-    FREE,
-    SYSTEMS,
-    Machine,
-    Rough,
-    Session,
-    TrueEffect,
-    drive,
-    starts,
-    world_from_json,
-    world_json,
-)
-from gpsim.trials.worlds.closed_loop import _trapezoid
+from gpsim.trials.worlds import SYSTEMS, Machine, Rough, Session, TrueEffect, world_from_json, world_json
 
 from .outside_worlds import BOB, CART, world_of
 
@@ -147,9 +139,9 @@ def test_the_controller_follows_its_reference(system, shape):
     )
     ran = run(world, ())
     loop = drive(world)
-    error = ran.sampled[:-1, :, 0] - loop._reference[..., 0]
-    assert np.sqrt(np.mean(error**2)) < 0.35 * loop._reference[..., 0].std()
-    assert np.abs(ran.commands).max() <= loop._limit
+    error = ran.sampled[:-1, :, 0] - loop.reference[..., 0]
+    assert np.sqrt(np.mean(error**2)) < 0.35 * loop.reference[..., 0].std()
+    assert np.abs(ran.commands).max() <= loop.limit
 
 
 def test_a_free_swing_commands_nothing():
@@ -281,18 +273,13 @@ def test_one_recording_lies_in_the_folder_itself(tmp_path):
 
 def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
     for name in "12":
-        (tmp_path / "recording" / name).mkdir(parents=True)
-        (tmp_path / "recording" / name / "recording.yaml").touch()
-    called = []
-
-    def run(words, **_):
-        called.append(words)
-        return subprocess.CompletedProcess(words, 0, stderr="")
-
-    monkeypatch.setattr(blind_diagnosis.subprocess, "run", run)
-    assert blind_diagnosis._run(tmp_path, 1.0) == (0, "")
-    (words,) = called
-    assert [w for w in words if w.startswith("recording/")] == ["recording/1", "recording/2"]
+        folder = tmp_path / PUBLIC / "300001" / name
+        folder.mkdir(parents=True)
+        (folder / "recording.yaml").touch()
+    blinding.publish_hashes(tmp_path, {"300001": "0" * 64})
+    monkeypatch.setattr(blinding, "COMMAND", "import sys; sys.exit(' '.join(sys.argv[1:]))")
+    said = blinding.diagnose_blind(tmp_path, "300001")["error"]
+    assert said.startswith("diagnose recording/1 recording/2 --out")
 
 
 # Arms
@@ -331,9 +318,9 @@ def test_of_a_machine_that_logs_positions_alone_nobody_reads_velocities():
         excitation="multisine", posture="hanging", dt=0.01, steps=500, episodes=3, parameters=CART,
         velocities="differentiated", machine=Machine("rig", True, (session,)),
     )  # fmt: skip
-    ran = machine_worlds._run(world)
+    ran = concealing._ran(world, 1200)
     log = logged(world, Rough(), ran.even)
-    recording = machine_worlds._as_kept(ran, log.recording)
+    recording = concealing._as_kept(ran, log.recording)
     assert recording.state.names == ("x", "theta")
     assert (recording.velocities, set(recording.noise) - {"x", "theta"}) == (None, set())
     assert {e.states.shape[1] for e in recording.episodes} == {2}

@@ -7,13 +7,11 @@ import pytest
 from gpsim.cli.main import main
 
 from gpsim.stages.prove import numbers_of
-from gpsim.trials.blinding.machine_worlds import conceal_plan, played
-from gpsim.trials.drawing import PLANS_FROM, box_of, draw_plan, plan_rank
-from gpsim.trials.drawing.plan_draws import HIDDEN
-from gpsim.trials.rivals import PLANNED, Second, compared
-from gpsim.trials.rivals.plan_rivals import Decided
-from gpsim.trials.scoring.curve_rules import score_plan_kinds
-from gpsim.trials.statistics import plan_figures
+from gpsim.trials.concealing import conceal, played
+from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of, draw_plan, plan_rank
+from gpsim.trials.figures import plan_figures
+from gpsim.trials.plan_rivals import PLANNED, Decided, Second, compared
+from gpsim.trials.scoring_parts import score_plan_kinds
 from gpsim.trials.worlds import TrueEffect
 
 
@@ -33,11 +31,11 @@ def late():
         for n in range(PLANS_FROM + 1, PLANS_FROM + 9)
         if draw_plan(3, n).effects[-1].family == "actuator_delay"
     )
-    return conceal_plan(3, number)
+    return conceal(3, number)
 
 
 def test_the_first_recording_is_slow_and_stays_in_the_box(late):
-    (episode,) = late.recording.episodes
+    (episode,) = late.recordings[0].episodes
     (low, high), (_, fast) = late.limits["box"].values()
     assert low < episode.states[:, 0].min() < episode.states[:, 0].max() < high
     assert np.abs(np.diff(episode.actions[:, 0])).max() < 0.1 * np.abs(episode.actions).max()
@@ -46,14 +44,14 @@ def test_the_first_recording_is_slow_and_stays_in_the_box(late):
 
 def test_what_is_played_begins_at_rest_and_whoever_leaves_the_box_is_stopped(late):
     still = np.zeros((40, 1))
-    hard = np.full((40, 1), 5.0 * np.abs(late.recording.episodes[0].actions).max())
+    hard = np.full((40, 1), 5.0 * np.abs(late.recordings[0].episodes[0].actions).max())
     second, left = played(late.world, np.stack([still, hard], axis=1), box_of(late.world))
     assert left[0] == 40
     assert 0 < left[1] < 40
     noise = late.world.noise["theta"]
     assert np.abs(second.episodes[0].states[:, 0]).max() < 6.0 * noise
     other, _ = played(late.world, still[:, None], box_of(late.world))
-    assert not np.array_equal(other.episodes[0].states[:, 0], late.recording.episodes[0].states[:41, 0])
+    assert not np.array_equal(other.episodes[0].states[:, 0], late.recordings[0].episodes[0].states[:41, 0])
 
 
 def score(trial, seconds, left=False):
@@ -96,7 +94,7 @@ def test_a_truth_that_no_explanation_holds_is_not_compared(late):
     from made_posteriors import LAG_OR_DELAY, made_posterior
 
     world = replace(late.world, effects=(TrueEffect("spring", "theta", {"stiffness": 1.0}),))
-    found = compared(world, late.limits, late.recording, made_posterior(*LAG_OR_DELAY), None)
+    found = compared(world, late.limits, late.recordings[0], made_posterior(*LAG_OR_DELAY), None)
     assert not found.listed
 
 

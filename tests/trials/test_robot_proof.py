@@ -12,12 +12,13 @@ from gpsim.mjcf import in_its_columns, load_mjcf
 from gpsim.recordings import read_recording
 from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.stages.prove import numbers_of, robots_numbers
-from gpsim.trials.blinding import publish_hashes, reveal, trial_files, trial_name, write_trial
-from gpsim.trials.blinding.trial_files import recording_digests
-from gpsim.trials.rivals import Rival
-from gpsim.trials.robots import ROBOTS_FROM, files_of, stratum_of
+from gpsim.trials import blinding as trial_files
+from gpsim.trials.blinding import publish_hashes, recording_digests, reveal, trial_name, write_trial
+from gpsim.trials.fits import Rival
+from gpsim.trials.robots.draws import ROBOTS_FROM, stratum_of
+from gpsim.trials.robots.models import files_of
 from gpsim.trials.scoring import score
-from gpsim.trials.statistics import summarise
+from gpsim.trials.summary import summarise
 
 pytest.importorskip("mujoco")
 pytest.importorskip("dm_control")
@@ -188,7 +189,7 @@ def test_a_tiny_proof_of_robots_from_beginning_to_end(tmp_path):
 
 @pytest.mark.slow
 def test_a_push_and_a_bias_of_the_motor_are_the_same_and_friction_is_not(tmp_path):
-    from gpsim.trials.rivals.robot_rivals import Judge
+    from gpsim.trials.judged import RobotJudge as Judge
 
     number = ROBOTS_FROM + 12  # a reacher whose shoulder is pushed
     (tmp_path / "public").mkdir()

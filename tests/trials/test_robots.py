@@ -9,24 +9,20 @@ import pytest
 from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.mjcf import load_mjcf
-from gpsim.trials.robots import (
+from gpsim.trials.robots import models
+from gpsim.trials.robots.draws import (
+    ALIKE,
     ROBOTS_FROM,
-    SHOWS,
+    STRENGTHS,
     draw_robot,
-    files_of,
-    layout_of,
-    models,
-    recorded,
+    places_of,
+    planned,
     robot_rank,
-    run,
-    shown,
-    sound,
-    spec_of,
     stratum_of,
 )
-from gpsim.trials.robots.draws import ALIKE, STRENGTHS, places_of, planned
-from gpsim.trials.robots.models import ROBOTS, Drives, Robot
-from gpsim.trials.robots.plant import QUARTER, Plant, tilted
+from gpsim.trials.robots.driving import run, sound
+from gpsim.trials.robots.models import ROBOTS, Drives, Robot, files_of, layout_of, spec_of
+from gpsim.trials.robots.moving import QUARTER, SHOWS, Plant, recorded, shown, tilted
 from gpsim.trials.worlds import TrueEffect
 
 mujoco = pytest.importorskip("mujoco")

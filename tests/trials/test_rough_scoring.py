@@ -5,10 +5,11 @@ import pytest
 from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
-from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring.rules import rough_verdicts, score
-from gpsim.trials.statistics import summarise
-from gpsim.trials.statistics.intervals import mean_interval
+from gpsim.trials.fits import Rival
+from gpsim.trials.intervals import mean_interval
+from gpsim.trials.scoring import score
+from gpsim.trials.scoring_parts import rough_verdicts
+from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import TrueEffect
 
 from .test_scoring import DAMPED, STRANGE, answer, report, said

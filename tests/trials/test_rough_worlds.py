@@ -12,11 +12,11 @@ from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages import prove
 from gpsim.trials import outside
-from gpsim.trials.blinding import ANSWER, PUBLIC, conceal, write_trial
-from gpsim.trials.blinding.logs import even_recording, logged
-from gpsim.trials.drawing import ROUGH_FROM, draw_rough, rank_of
-from gpsim.trials.truth import Shares, run
-from gpsim.trials.truth.replay import Replay
+from gpsim.trials.blinding import ANSWER, PUBLIC, write_trial
+from gpsim.trials.concealing import conceal, even_recording, logged
+from gpsim.trials.rough import ROUGH_FROM, draw_rough, rank_of
+from gpsim.trials.shares import Shares
+from gpsim.trials.truth import Replay, run
 from gpsim.trials.worlds import SYSTEMS, Rough, TrueEffect, world_from_json
 
 from .outside_worlds import world_of
@@ -48,7 +48,7 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     assert world.integrator == "rk4"
     assert len(world.rough.defects) >= 3
     assert Shares(world, run(world, world.effects), np.full(world.episodes, world.steps + 1.0)).late() < 0.04
-    assert concealed.recording.transition_count < 8000
+    assert concealed.recordings[0].transition_count < 8000
 
 
 @pytest.mark.slow

@@ -7,13 +7,13 @@ import pytest
 
 from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.trials import drawing
-from gpsim.trials.blinding import Answer, conceal
-from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring.gates import iou
-from gpsim.trials.scoring.rules import held_out_fit, score
-from gpsim.trials.statistics import rate, summarise
-from gpsim.trials.statistics.intervals import interval, median_interval, share_interval
-from gpsim.trials.statistics.summary import parameter_figures, worst_fit
+from gpsim.trials.blinding import Answer
+from gpsim.trials.claims import iou
+from gpsim.trials.concealing import conceal
+from gpsim.trials.fits import Rival
+from gpsim.trials.intervals import interval, median_interval, rate, share_interval
+from gpsim.trials.scoring import held_out_fit, score
+from gpsim.trials.summary import parameter_figures, summarise, worst_fit
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.recordings import Episode, Recording
-from gpsim.trials.rivals import sindy
+from gpsim.trials import sindy
 
 
 def content(*effects, system="slider"):

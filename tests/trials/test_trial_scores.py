@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.launchers import Local
 from gpsim.stages import prove
+from gpsim.trials import blinding, equivalents, sindy
+from gpsim.trials import fits as kept
 from gpsim.trials.blinding import (
-    blind_diagnosis,
     diagnose_blind,
     publish_hashes,
     published,
@@ -22,7 +23,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.rivals import Rival, equivalents, kept, sindy
+from gpsim.trials.fits import Rival
 from gpsim.trials.scoring import score_trial
 
 SEED, NUMBERS = 5, (10, 2)
@@ -49,11 +50,16 @@ def say(out, name, report):
     (out / "diagnoses" / name / "diagnosis" / "diagnosis.json").write_text(json.dumps(report))
 
 
-def made_up(room, limit):
-    """In place of a diagnosis."""
-    (room / "diagnosis").mkdir()
-    (room / "diagnosis" / "diagnosis.json").write_text(json.dumps(said(effect("constant_force", "q"))))
-    return 0, ""
+MADE_UP = f"""
+from pathlib import Path
+Path("diagnosis").mkdir()
+Path("diagnosis", "diagnosis.json").write_text({json.dumps(said(effect("constant_force", "q")))!r})
+"""  # what runs in place of a diagnosis
+
+
+def instead(monkeypatch, *lines):
+    """Diagnoses are made up from now on, and these lines run after them."""
+    monkeypatch.setattr(blinding, "COMMAND", "\n".join((MADE_UP, "import os, sys", *lines)))
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +74,7 @@ def concealed(tmp_path_factory):
 def proof(concealed, tmp_path, monkeypatch):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind_diagnosis, "_run", made_up)
+    instead(monkeypatch)
     for name in (NAME, OTHER):
         diagnose_blind(out, name)
     return out
@@ -135,12 +141,10 @@ def test_the_hash_on_record_is_the_one_that_stood_there_before_the_diagnosis(
     shutil.copytree(concealed, out)
     before = published(out)[NAME]
 
-    def meanwhile(room, limit):
-        path = out / "public" / "answers.sha256"
-        path.write_text(path.read_text().replace(before, "0" * 64))
-        return made_up(room, limit)
-
-    monkeypatch.setattr(blind_diagnosis, "_run", meanwhile)
+    path = str(out / "public" / "answers.sha256")
+    instead(
+        monkeypatch, f"Path({path!r}).write_text(Path({path!r}).read_text().replace({before!r}, '0' * 64))"
+    )
     assert diagnose_blind(out, NAME)["answer_sha256"] == before
 
 
@@ -171,9 +175,8 @@ def test_a_copy_beside_the_diagnoses_is_nobodys_trial(proof, fits, monkeypatch):
 def test_a_diagnosis_that_failed_after_it_was_written_is_none(concealed, tmp_path, monkeypatch, code, words):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(
-        blind_diagnosis, "_run", lambda *given: (made_up(*given) and code, "error: the disk is full\n")
-    )
+    ends = f"sys.exit({code})" if code > 0 else f"os.kill(os.getpid(), {-code})"
+    instead(monkeypatch, "print('error: the disk is full', file=sys.stderr, flush=True)", ends)
     outcome = diagnose_blind(out, NAME)
     assert outcome["error"] == words
     assert read_report(out, NAME) is None
@@ -247,11 +250,11 @@ def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypat
 def test_a_diagnosis_for_which_the_disk_had_no_space_is_made_again(concealed, tmp_path, monkeypatch, words):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind_diagnosis, "_run", lambda *_: (1, f"{words}\n"))
+    instead(monkeypatch, f"sys.exit({words!r})")
     with pytest.raises(UsageError, match="no space left"):
         diagnose_blind(out, NAME)
     assert not (out / "diagnoses").exists()
-    monkeypatch.setattr(blind_diagnosis, "_run", made_up)
+    instead(monkeypatch)
     assert diagnose_blind(out, NAME)["exit"] == 0
 
 
@@ -262,6 +265,6 @@ def test_where_no_disk_has_room_to_diagnose_in_it_is_said(concealed, tmp_path, m
     def nowhere():
         raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
 
-    monkeypatch.setattr(blind_diagnosis.tempfile, "gettempdir", nowhere)
+    monkeypatch.setattr(blinding.tempfile, "gettempdir", nowhere)
     with pytest.raises(UsageError, match=r"\['/tmp'\]: free space there, or name a folder with TMPDIR"):
         diagnose_blind(out, NAME)

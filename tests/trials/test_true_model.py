@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.trials.blinding import concealment
+from gpsim.trials import concealing as concealment
 
 
 @pytest.mark.slow

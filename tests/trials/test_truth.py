@@ -10,11 +10,9 @@ from gpsim.corrected.effects_plant import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.trials import catalogue, drawing, outside
-from gpsim.trials.drawing import draws
-from gpsim.trials.truth import run
-from gpsim.trials.truth.body import Body
-from gpsim.trials.truth.replay import Replay
-from gpsim.trials.truth.running import H, limited, sense
+from gpsim.trials import drawing as draws
+from gpsim.trials.bodies import Body, Now
+from gpsim.trials.truth import H, Replay, limited, run, sense
 from gpsim.trials.worlds import (
     SYSTEMS,
     Dial,
@@ -131,7 +129,7 @@ def test_a_body_sticks_below_the_friction_and_slides_above():
     s, z = np.zeros((2, 2)), np.empty((2, 0))
     u, t = np.array([[2.9], [3.5]]), np.zeros(2)
     for _ in range(1000):
-        s, z = body.step(s, z, u, t, t, 1e-3)
+        s, z = body.step(s, z, Now(u, t, t), 1e-3)
     assert s[0].tolist() == [0.0, 0.0]
     assert s[1, 1] == pytest.approx((3.5 - 3.0) / 2.0, rel=1e-9)
 
@@ -140,7 +138,7 @@ def test_a_sliding_body_stops_where_newton_says():
     body = Body("slider", {"mass": 2.0}, [TrueEffect("coulomb_friction", "q", {"force": 3.0})])
     s, z, t = np.array([[0.0, 1.0]]), np.empty((1, 0)), np.zeros(1)
     for _ in range(1500):
-        s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
+        s, z = body.step(s, z, Now(np.zeros((1, 1)), t, t), 1e-3)
     assert s[0, 1] == 0.0
     assert s[0, 0] == pytest.approx(2.0 / (2 * 3.0), rel=1e-6)  # v^2 m / (2 F)
 
@@ -152,7 +150,7 @@ def test_a_free_pendulum_keeps_its_energy():
     energy = lambda s: 0.5 * 0.25 * s[0, 1] ** 2 - 9.81 * 0.5 * np.cos(s[0, 0])  # noqa: E731
     before = energy(s)
     for _ in range(3000):
-        s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
+        s, z = body.step(s, z, Now(np.zeros((1, 1)), t, t), 1e-3)
     assert energy(s) == pytest.approx(before, abs=1e-8)
 
 

@@ -10,27 +10,24 @@ import pytest
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages.prove import numbers_of, robots_numbers
-from gpsim.trials.blinding import robot_worlds, write_trial
-from gpsim.trials.blinding.trial_files import recording_digests
-from gpsim.trials.rivals.robot_rivals import bodies_off
-from gpsim.trials.robots import (
+from gpsim.trials import concealing as robot_worlds
+from gpsim.trials.blinding import recording_digests, write_trial
+from gpsim.trials.judged import bodies_off
+from gpsim.trials.robots import whole
+from gpsim.trials.robots.driving import run_whole, sound
+from gpsim.trials.robots.models import WHOLE, files_of, layout_of, robot_of, spec_of
+from gpsim.trials.robots.moving import Plant, Stepped, step_of
+from gpsim.trials.robots.whole import (
     ROWS,
     WHOLE_FROM,
     body_torques,
+    dealt,
     draw_whole,
-    files_of,
-    layout_of,
+    joint_torques,
     motion_of,
-    run_whole,
+    of_body,
     shares_of,
-    sound,
-    spec_of,
-    whole,
 )
-from gpsim.trials.robots.models import WHOLE, robot_of
-from gpsim.trials.robots.plant import Plant
-from gpsim.trials.robots.running import Stepped, step_of
-from gpsim.trials.robots.whole import dealt, joint_torques, of_body
 from gpsim.trials.worlds import TrueEffect
 
 pytest.importorskip("mujoco")
@@ -81,7 +78,7 @@ def test_a_whole_robot_has_three_rows_a_joint_in_the_drives_sizes_and_one_or_two
             assert (
                 drives.spin[0] * 0.99 <= torque / rows["armature", joint]["inertia"] <= drives.spin[1] * 1.01
             )
-        assert 1 <= sum(map(of_body, world.effects)) <= 2
+        assert 1 <= sum(of_body(e.family, e.on) for e in world.effects) <= 2
         late = {e.values["delay"] for e in world.effects if e.family == "actuator_delay"}
         assert len(late) <= 1
     assert draw_whole(3, WHOLE_FROM + 1) != draw_whole(4, WHOLE_FROM + 1)

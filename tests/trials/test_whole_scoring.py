@@ -10,9 +10,10 @@ from gpsim.errors import UsageError
 from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
-from gpsim.trials.rivals import WholeListing
-from gpsim.trials.scoring.whole_rules import score_whole
-from gpsim.trials.statistics import summarise
+from gpsim.trials.judged import WholeListing
+from gpsim.trials.robots import spec_of
+from gpsim.trials.scoring_parts import score_whole
+from gpsim.trials.summary import summarise
 
 pytest.importorskip("mujoco")
 TRUE = [
@@ -90,9 +91,7 @@ def test_a_row_is_right_within_15_percent_or_its_interval(value, width, right):
 
 
 def test_a_servos_velocity_gain_is_viscous_friction_of_its_joint():
-    from gpsim.trials.scoring.whole_rules import _damping
-
-    kv = _damping("planar_servos", "shoulder_servo")
+    kv = -float(spec_of("planar_servos").compile().actuator("shoulder_servo").biasprm[2])
     gain = said("parameter_offset", "shoulder_servo.kv", "ratio", 1.0 + 0.2 / kv, 0.001)
     found = scored([gain, *all_of_it()[1:]])
     assert rows(found)["viscous_friction", "shoulder"]["value"] == pytest.approx(0.2)

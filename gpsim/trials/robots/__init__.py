@@ -1,23 +1,17 @@
 """Robots: worlds whose simulator is a MuJoCo model, from a seed to what truly happened and how much of it shows.
 
-`models` are of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `plant` moves,
+`models` are of wheels of others and some written here. `draw_robot` draws a world, `run` drives it, `Plant` moves,
 `shown` says how much each effect shows, `recorded` is the log that a user would have. `draw_whole` draws a whole robot,
 `run_whole` drives it, `shares_of` says what each effect asks of its joint. `draw_afloat` draws what floats or stands,
 `run_afloat` keeps it up.
 """
 
 from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, draw_afloat
-from gpsim.trials.robots.draws import (
-    ROBOTS_FROM,
-    draw_arm,
-    draw_robot,
-    robot_rank,
-    stratum_of,
-)
-from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.free_motion import kept_afloat, run_afloat, shown_afloat
+from gpsim.trials.robots.draws import ROBOTS_FROM, draw_arm, draw_robot, robot_rank, stratum_of
+from gpsim.trials.robots.driving import run, run_whole, sound
+from gpsim.trials.robots.floating import kept_afloat, run_afloat, shown_afloat
 from gpsim.trials.robots.models import Layout, Robot, files_of, layout_of, robot_of, spec_of
-from gpsim.trials.robots.running import SHOWS, recorded, run, run_whole, shown
+from gpsim.trials.robots.moving import SHOWS, recorded, shown
 from gpsim.trials.robots.whole import (
     ROWS,
     WHOLE_FROM,

@@ -22,7 +22,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from gpsim.trials.robots.free_motion import STEPS
+from gpsim.trials.drawing import digits
+from gpsim.trials.robots.floating import STEPS
 from gpsim.trials.robots.models import AFLOAT, layout_of, robot_of
 from gpsim.trials.worlds import TrueEffect, World, rounded
 
@@ -89,12 +90,9 @@ def items_of(name: str) -> list[Item]:
         return [(f, (j,), p, _size(*size)) for f, (p, size) in laws.items() for j in moved]
 
     if name == "quadrotor":
+        along = {"surge": (0.14, 0.43), "sway": (0.14, 0.43), "heave": (0.05, 0.2)}
         return [
-            *axes(
-                "viscous_friction",
-                "damping",
-                {"surge": (0.14, 0.43), "sway": (0.14, 0.43), "heave": (0.05, 0.2)},
-            ),
+            *axes("viscous_friction", "damping", along),
             *axes("quadratic_drag", "drag", dict.fromkeys(("surge", "sway", "heave"), (0.01, 0.03))),
             *axes("constant_force", "force", dict.fromkeys("xy", (0.05, 0.4))),
             *body("frame", (0.05, 0.2), (0.1, 0.3)),
@@ -102,12 +100,9 @@ def items_of(name: str) -> list[Item]:
             *late((0.012, 0.05), (0.005, 0.03)),
         ]
     if name == "boat":
+        along = {"surge": (0.36, 1.44), "sway": (0.45, 1.8), "yaw": (0.95, 3.8)}
         return [
-            *axes(
-                "viscous_friction",
-                "damping",
-                {"surge": (0.36, 1.44), "sway": (0.45, 1.8), "yaw": (0.95, 3.8)},
-            ),
+            *axes("viscous_friction", "damping", along),
             *axes("quadratic_drag", "drag", {"surge": (0.66, 2.7), "sway": (18.0, 73.0), "yaw": (0.38, 1.5)}),
             *axes("constant_force", "force", dict.fromkeys("xy", (0.1, 0.6))),
             *body("hull", (0.05, 0.25), (0.1, 0.3)),
@@ -150,36 +145,31 @@ def draw_afloat(seed: int, number: int, attempt: int = 0) -> World:
     dt = float(rng.choice(robot_of(name).steps))
     steps = round(SECONDS[name] / dt)
     return World(
-        seed=seed, number=number, attempt=attempt, stratum="afloat", long=False, system=name, parameters={},
-        integrator="rk4", dt=dt, engine="mujoco", effects=() if nothing else _effects(name, rng),
+        seed=seed, number=number, attempt=attempt, stratum="afloat", system=name, dt=dt, engine="mujoco",
+        effects=() if nothing else _effects(name, rng),
         episodes=max(int(np.ceil(TRANSITIONS / steps)), EPISODES if dt > 0.005 else EPISODES - 2), steps=steps,
-        clock="episode", excitation="control", posture="", noise_level="normal", noise=_noise(name, rng),
-        noise_known=bool(rng.random() < 0.5), velocities="measured" if speeds else None, smoothing="",
-        wrapped=False, held_out=None,
+        excitation="control", noise=_noise(name, rng), noise_known=bool(rng.random() < 0.5),
+        velocities="measured" if speeds else None,
     )  # fmt: skip
 
 
 def _effects(name: str, rng: np.random.Generator) -> tuple[TrueEffect, ...]:
     """One to five, every family as likely as another, wherever it may act."""
+
+    def clash(one: Item, other: Item) -> bool:
+        """Two that act late; two drags along one axis of what flies, whose speeds are too alike to tell them apart."""
+        late = {one[0], other[0]} == {"actuator_lag", "actuator_delay"}
+        return late or (name == "quadrotor" and one[1] == other[1])
+
     items, wanted = items_of(name), int(rng.integers(1, MOST + 1))
     many = Counter(family for family, *_ in items)
     likely = [1.0 / many[family] / len(many) for family, *_ in items]
     chosen: list[Item] = []
     for i in rng.choice(len(items), len(items), replace=False, p=likely):
-        if len(chosen) < wanted and not any(_clash(name, items[i], other) for other in chosen):
+        if len(chosen) < wanted and not any(clash(items[i], other) for other in chosen):
             chosen.append(items[i])
-    out = []
-    for family, places, parameter, drawn in chosen:
-        value = drawn(rng)
-        out += [TrueEffect(family, on, {parameter: value}) for on in places]
-    return tuple(out)
-
-
-def _clash(name: str, one: Item, other: Item) -> bool:
-    """Two that act late; two drags along one axis of what flies, whose speeds are too much alike to tell them apart."""
-    if {one[0], other[0]} == {"actuator_lag", "actuator_delay"}:
-        return True
-    return name == "quadrotor" and one[1] == other[1]
+    sized = [(family, places, {parameter: drawn(rng)}) for family, places, parameter, drawn in chosen]
+    return tuple(TrueEffect(family, on, values) for family, places, values in sized for on in places)
 
 
 def _noise(name: str, rng: np.random.Generator) -> dict[str, float]:
@@ -190,7 +180,5 @@ def _noise(name: str, rng: np.random.Generator) -> dict[str, float]:
     captured = {"m": place, "1": 0.5 * tilt, "rad": tilt, "m/s": speed, "rad/s": turn}
     encoded = {"rad": joint, "rad/s": joint_speed}
     read = {c for j in layout.driven.values() for c in (j, f"{j}_dot")}
-    return {
-        channel: float(f"{(encoded if channel in read else captured)[unit]:.3g}")
-        for channel, unit in layout.state.items()
-    }
+    sizes = {c: (encoded if c in read else captured)[unit] for c, unit in layout.state.items()}
+    return {channel: digits(sd) for channel, sd in sizes.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,14 +11,37 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials import catalogue
-from gpsim.trials.robots.driving import SIGNALS
+from gpsim.trials.bodies import mujoco
+from gpsim.trials.catalogue import Draw
+from gpsim.trials.drawing import combined, digits
+from gpsim.trials.robots.driving import SIGNALS, run
 from gpsim.trials.robots.models import ROBOTS, Robot, layout_of, spec_of
-from gpsim.trials.robots.running import run
-from gpsim.trials.truth import mujoco
 from gpsim.trials.worlds import Dial, Machine, Scales, Session, Stratum, TrueEffect, World, rounded
 
-Draw = Callable[[Scales, str, Dial], dict[str, float]]
-"""draw(scales, on, dial) -> parameters."""
+Rng = np.random.Generator
+ROBOTS_FROM = 200_000
+"""Trials with a number above it are robots': the other worlds of a seed stay what they are."""
+DECK: tuple[Stratum, ...] = (
+    "single", "none", "pair", "single", "single", "pair", "none", "single", "single", "pair", "none", "single",
+)  # fmt: skip
+SIZE = {"single": 1, "pair": 2, "none": 0}
+POSITIONS, SPEEDS = (5e-4, 1e-3), (4e-3, 1.2e-2)  # noise, rad and rad/s (m and m/s)
+TRANSITIONS, LENGTH = (2200, 6000), (160, 400)
+GRADED = {"actuator_dead_zone", "actuator_saturation", "actuator_backlash", "actuator_asymmetry"}
+"""Families that need commands of many values."""
+UNSTABLE = {"actuator_delay", "actuator_lag", "actuator_dead_zone", "actuator_backlash"}
+"""Families that let a pole fall: where a robot can hang, it does."""
+ALIKE: tuple[frozenset[str], ...] = (
+    frozenset({"coulomb_friction", "stribeck_friction"}),
+    frozenset({
+        "actuator_gain", "actuator_asymmetry", "parameter_offset", "actuator_saturation", "actuator_dead_zone"
+    }),
+    frozenset({"constant_force", "actuator_bias", "sensor_bias", "joint_offset", "spring", "gravity_tilt"}),
+    frozenset({"actuator_delay", "actuator_lag", "sensor_delay"}),
+    frozenset({"parameter_offset", "payload", "armature"}),
+    frozenset({"actuator_dead_zone", "actuator_backlash"}),
+)  # fmt: skip
+"""Two of a group do the same thing to a robot with other numbers: they never share a world, whatever they act on."""
 
 
 @dataclass(frozen=True)
@@ -30,17 +53,19 @@ class RobotScales(Scales):
         """The model as published."""
         return spec_of(self.world.system).compile()
 
-    def column(self, name: str) -> FloatArray:
-        """(N,) all values of a state channel."""
-        return np.asarray(self._columns[:, self._index(name)])
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """State channels in column order."""
+        return layout_of(self.world.system).names
 
-    def speed(self, coordinate: str) -> float:
-        """Root mean square velocity of a joint."""
-        return float(np.sqrt(np.mean(self._columns[:, self._index(coordinate) + 1] ** 2)))
+    @cached_property
+    def actions(self) -> tuple[str, ...]:
+        """Commands in column order."""
+        return tuple(layout_of(self.world.system).action)
 
     def force(self, coordinate: str) -> float:
         """Root mean square of the force that would move the joint alone as it moved."""
-        speeds = self.pilot.fine[:: self.pilot.per_sample, :, self._index(coordinate) + 1]
+        speeds = self.pilot.fine[:: self.pilot.per_sample, :, self.names.index(coordinate) + 1]
         acceleration = np.diff(speeds, axis=0) / self.world.dt
         return self.inertia(coordinate) * float(np.sqrt(np.mean(acceleration**2)))
 
@@ -54,38 +79,16 @@ class RobotScales(Scales):
         mj.mj_solveM(model, data, column, pushed)
         return float(1.0 / column[0, c])
 
-    def action(self, name: str) -> float:
-        """What 95 % of the commands stay below."""
-        column = list(layout_of(self.world.system).action).index(name)
-        return float(np.quantile(np.abs(self.pilot.commands[..., column]), 0.95))
-
-    def _index(self, name: str) -> int:
-        return layout_of(self.world.system).names.index(name)
-
 
 def _payload(s: Scales, on: str, d: Dial) -> dict[str, float]:
     """A twentieth to half of what carries it, within its reach of the carrier's centre of mass."""
-    model = _model(s)
-    b = model.body(on).id
-    mass, centre = float(model.body_mass[b]), np.asarray(model.body_ipos[b])
-    size = float(np.sqrt(model.body_inertia[b].max() / mass))
-    at = centre + size * np.array([d.any(-0.7, 0.7) for _ in range(3)])
-    return {
-        "mass": rounded(d.size(0.08, 0.6) * mass),
-        **{a: rounded(float(x)) for a, x in zip("xyz", at, strict=True)},
-    }
-
-
-def _armature(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {"inertia": rounded(d.size(0.08, 0.8) * s.inertia(on))}
-
-
-def _tilt(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {axis: rounded(d.sign() * d.size(0.02, 0.15) * d.any(0.7, 1.3)) for axis in ("roll", "pitch")}
-
-
-def _parameter(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {"ratio": d.ratio(0.08, 0.4) if on.endswith(".mass") else d.ratio(0.05, 0.35)}
+    assert isinstance(s, RobotScales)
+    b = s.model.body(on).id
+    mass, centre = float(s.model.body_mass[b]), np.asarray(s.model.body_ipos[b])
+    size = float(np.sqrt(s.model.body_inertia[b].max() / mass))
+    at: FloatArray = centre + size * np.array([d.any(-0.7, 0.7) for _ in range(3)])
+    places = {a: rounded(float(x)) for a, x in zip("xyz", at, strict=True)}
+    return {"mass": rounded(d.size(0.08, 0.6) * mass), **places}
 
 
 def _zero(s: Scales, on: str, d: Dial) -> dict[str, float]:
@@ -102,11 +105,6 @@ def _in_fine_steps(draw: Draw) -> Draw:
     return drawn
 
 
-def _model(s: Scales) -> Any:
-    assert isinstance(s, RobotScales)
-    return s.model
-
-
 AS_EVERYWHERE = (
     "coulomb_friction", "viscous_friction", "quadratic_drag", "stribeck_friction", "spring", "constant_force",
     "actuator_gain", "actuator_bias", "actuator_dead_zone", "actuator_saturation", "actuator_asymmetry", "actuator_lag",
@@ -119,42 +117,15 @@ STRENGTHS: Mapping[str, Draw] = {
     "sensor_bias": _zero,
     "joint_offset": _zero,
     "payload": _payload,
-    "armature": _armature,
-    "gravity_tilt": _tilt,
-    "parameter_offset": _parameter,
+    "armature": lambda s, on, d: {"inertia": rounded(d.size(0.08, 0.8) * s.inertia(on))},
+    "gravity_tilt": lambda s, on, d: {
+        axis: rounded(d.sign() * d.size(0.02, 0.15) * d.any(0.7, 1.3)) for axis in ("roll", "pitch")
+    },
+    "parameter_offset": lambda s, on, d: {
+        "ratio": d.ratio(0.08, 0.4) if on.endswith(".mass") else d.ratio(0.05, 0.35)
+    },
 }
 """Every family that robots are given."""
-
-
-ROBOTS_FROM = 200_000
-"""Trials with a number above it are robots': the other worlds of a seed stay what they are."""
-DECK: tuple[Stratum, ...] = (
-    "single", "none", "pair", "single", "single", "pair", "none", "single", "single", "pair", "none", "single",
-)  # fmt: skip
-SIZE = {"single": 1, "pair": 2, "none": 0}
-POSITIONS, SPEEDS = (5e-4, 1e-3), (4e-3, 1.2e-2)  # noise, rad and rad/s (m and m/s)
-TRANSITIONS, LENGTH = (2200, 6000), (160, 400)
-GRADED = ("actuator_dead_zone", "actuator_saturation", "actuator_backlash", "actuator_asymmetry")
-"""Families that need commands of many values."""
-UNSTABLE = ("actuator_delay", "actuator_lag", "actuator_dead_zone", "actuator_backlash")
-"""Families that let a pole fall: where a robot can hang, it does."""
-ALIKE: tuple[frozenset[str], ...] = (
-    frozenset({"coulomb_friction", "stribeck_friction"}),
-    frozenset(
-        {
-            "actuator_gain",
-            "actuator_asymmetry",
-            "parameter_offset",
-            "actuator_saturation",
-            "actuator_dead_zone",
-        }
-    ),
-    frozenset({"constant_force", "actuator_bias", "sensor_bias", "joint_offset", "spring", "gravity_tilt"}),
-    frozenset({"actuator_delay", "actuator_lag", "sensor_delay"}),
-    frozenset({"parameter_offset", "payload", "armature"}),
-    frozenset({"actuator_dead_zone", "actuator_backlash"}),
-)
-"""Two of a group do the same thing to a robot with other numbers: they never share a world, whatever they act on."""
 
 
 def robot_rank(number: int) -> int | None:
@@ -182,9 +153,7 @@ def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
     return replace(world, effects=made)
 
 
-def planned(
-    seed: int, number: int, attempt: int = 0
-) -> tuple[World, list[tuple[str, str]], np.random.Generator]:
+def planned(seed: int, number: int, attempt: int = 0) -> tuple[World, list[tuple[str, str]], Rng]:
     """A trial's world without its effects, their families and places, and what their strengths are drawn with."""
     rank = robot_rank(number)
     assert rank is not None
@@ -197,8 +166,8 @@ def planned(
     if family is None:
         robot = able[(seed + among) % len(able)]
     rng = np.random.default_rng([seed, number, attempt, 0])
-    effects = _places(family, robot, SIZE[stratum], rng)
-    return bare_world(seed, number, attempt, stratum, robot, effects, rng), effects, rng
+    effects = combined(family, SIZE[stratum], sorted(STRENGTHS), ALIKE, lambda f: places_of(f, robot), rng)
+    return _bare_world(seed, number, attempt, stratum, robot, effects, rng), effects, rng
 
 
 def places_of(family: str, robot: Robot) -> list[str]:
@@ -218,53 +187,27 @@ def places_of(family: str, robot: Robot) -> list[str]:
             *(f"{servo}.{gain}" for servo in layout.servos for gain in ("kp", "kv")),
         ],
     }
-    if family in found:
-        return list(found[family])
-    return list(layout.action if family in catalogue.ACTUATORS else layout.joints)
+    return list(found.get(family, layout.action if family in catalogue.ACTUATORS else layout.joints))
 
 
-def _places(family: str | None, robot: Robot, size: int, rng: np.random.Generator) -> list[tuple[str, str]]:
-    """`size` families and what they act on, `family` first; no two that are alike."""
-    if family is None:
-        return []
-    chosen = [(family, str(rng.choice(places_of(family, robot))))]
-    others = [f for f in sorted(STRENGTHS) if places_of(f, robot)]
-    while len(chosen) < size:
-        other = str(rng.choice(others))
-        taken = {f for f, _ in chosen}
-        if other not in taken and not any(other in group and group & taken for group in ALIKE):
-            chosen.append((other, str(rng.choice(places_of(other, robot)))))
-    return chosen
-
-
-def bare_world(
-    seed: int,
-    number: int,
-    attempt: int,
-    stratum: Stratum,
-    robot: Robot,
-    effects: list[tuple[str, str]],
-    rng: np.random.Generator,
-) -> World:
+def _bare_world(
+    seed: int, number: int, attempt: int, stratum: Stratum, robot: Robot, effects: list[tuple[str, str]], rng: Rng
+) -> World:  # fmt: skip
     """Everything but the effects' strengths."""
     layout, families = layout_of(robot.name), {f for f, _ in effects}
     wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
     steps = int(rng.uniform(*LENGTH))
     way = str(rng.choice(robot.ways))
-    if len(robot.ways) > 1 and (attempt > 1 or families & set(UNSTABLE)):
+    if len(robot.ways) > 1 and (attempt > 1 or families & UNSTABLE):
         way = next(w for w in robot.ways if w != "balance")
-    signals = ["sines"] if families & set(GRADED) else list(SIGNALS)
-    noise = {
-        name: float(f"{rng.uniform(*(POSITIONS if name in layout.joints else SPEEDS)):.3g}")
-        for name in layout.names
-    }
+    signals = ["sines"] if families & GRADED else list(SIGNALS)
+    sizes = {name: POSITIONS if name in layout.joints else SPEEDS for name in layout.names}
+    noise = {name: digits(rng.uniform(*size)) for name, size in sizes.items()}
     return World(
-        seed=seed, number=number, attempt=attempt, stratum=stratum, long=False, system=robot.name, parameters={},
-        integrator="kutta3", dt=float(rng.choice(robot.steps)), engine="mujoco", effects=(),
-        episodes=max(int(np.ceil(wanted / steps)), 6), steps=steps, clock="episode",
-        excitation=str(rng.choice(signals)), posture=way, noise_level="normal", noise=noise,
-        noise_known=bool(rng.random() < 0.5), velocities="measured" if rng.random() < 0.5 else None, smoothing="",
-        wrapped=False, held_out=None,
+        seed=seed, number=number, attempt=attempt, stratum=stratum, system=robot.name, integrator="kutta3",
+        dt=float(rng.choice(robot.steps)), engine="mujoco", episodes=max(int(np.ceil(wanted / steps)), 6),
+        steps=steps, excitation=str(rng.choice(signals)), posture=way, noise=noise,
+        noise_known=bool(rng.random() < 0.5), velocities="measured" if rng.random() < 0.5 else None,
     )  # fmt: skip
 
 
@@ -283,7 +226,7 @@ def draw_arm(seed: int, number: int, attempt: int = 0) -> World:
     robot = ROBOTS[str(turn.choice(ARMS))]
     rng = np.random.default_rng([seed, number, attempt, 0])
     places = arms_places(robot.name, rng)
-    world = bare_world(seed, number, attempt, "machines", robot, places, rng)
+    world = _bare_world(seed, number, attempt, "machines", robot, places, rng)
     only = Session(world.excitation, world.posture, world.episodes, world.steps)
     world = replace(world, machine=Machine("arm", world.velocities is None, (only,)))
     scales = RobotScales(world, run(world, ()))
@@ -294,7 +237,7 @@ def draw_arm(seed: int, number: int, attempt: int = 0) -> World:
     return replace(world, effects=made)
 
 
-def arms_places(name: str, rng: np.random.Generator) -> list[tuple[str, str]]:
+def arms_places(name: str, rng: Rng) -> list[tuple[str, str]]:
     """Families and what they act on, four to seven."""
     joints = layout_of(name).joints
     dry, viscous = (

@@ -1,7 +1,8 @@
-"""How a robot is driven: sines or a binary signal, about what keeps it in bounds."""
+"""How a robot is driven, by sines, a binary signal or Fourier series, about what keeps it in bounds; and its run."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -10,12 +11,15 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from gpsim.channels import FloatArray
-from gpsim.trials.robots.models import Layout, Way, layout_of, robot_of, spec_of
-from gpsim.trials.robots.plant import Plant
-from gpsim.trials.truth import mujoco
-from gpsim.trials.worlds import Run, World
+from gpsim.trials.bodies import mujoco
+from gpsim.trials.robots.models import Way, layout_of, robot_of, spec_of
+from gpsim.trials.robots.moving import FAR, Plant, Stepped, frame_of, step_of, touch_free
+from gpsim.trials.truth import driven, noise_of
+from gpsim.trials.worlds import Run, TrueEffect, World
 
+Rng = np.random.Generator
 SIGNALS = ("sines", "prbs")
+FOURIER = "fourier"
 SLOWEST, FASTEST = 0.15, 2.0  # Hz, of the sines
 OWN_RANGE = 0.95  # of what an actuator takes
 DITHER = {"balance": 0.12, "swing": 0.8, "torque": 0.12}
@@ -24,6 +28,10 @@ TRACKING = 5.0  # rad/s of the controller of a robot with motors
 FALLEN = 0.7  # rad, of a pole that is to stand
 OFF = 1.6  # times the reach and spread: a servo's or a controller's joint that far from rest has gone wrong
 WILD = 60.0  # rad/s
+HARMONICS, FADE = 5, 1.0  # of a Fourier series; s until it has begun
+SLOWEST_WAVE, ORDINARY = (0.08, 0.2), 3.14  # Hz of a joint that turns at so many rad/s at most
+OWN_SPEED, OWN_ROOM = 0.6, 0.9  # of a joint's speed, and of its way to its limits, that are used
+STIFF, CRITICAL = 8.0, 0.8  # rad/s and damping of the controller that tracks
 
 
 @dataclass(frozen=True)
@@ -44,18 +52,15 @@ class Driving:
         """(E, A) what is commanded from sample k to k + 1, given the readings (E, S)."""
         wanted = self.base[k] + (self.reference[k] - measured) @ self.gains.T
         if self.weighed is not None:
-            wanted += [self._weight(row[0::2]) for row in measured]
+            model, data = self.weighed
+            for row, read in zip(wanted, measured, strict=True):
+                data.qpos[:], data.qvel[:] = read[0::2], 0.0
+                mujoco().mj_forward(model, data)
+                row += data.qfrc_bias
         return np.asarray(np.clip(wanted, self.low, self.high))
 
-    def _weight(self, q: FloatArray) -> FloatArray:
-        assert self.weighed is not None
-        model, data = self.weighed
-        data.qpos[:], data.qvel[:] = q, 0.0
-        mujoco().mj_forward(model, data)
-        return np.array(data.qfrc_bias)
 
-
-def way_of(world: World) -> Way:
+def _way_of(world: World) -> Way:
     """How a world is driven; it stands in its posture."""
     ways: dict[str, Way] = {way: way for way in robot_of(world.system).ways}
     return ways[world.posture]
@@ -66,15 +71,15 @@ def starts(world: World) -> FloatArray:
     rng, robot = world.generator(2), robot_of(world.system)
     out = np.zeros((world.episodes, 2 * len(robot.spread)))
     spread = np.array(robot.spread)
-    out[:, 0::2] = robot.rest[way_of(world)] + spread * rng.uniform(-1, 1, (world.episodes, len(spread)))
+    out[:, 0::2] = robot.rest[_way_of(world)] + spread * rng.uniform(-1, 1, (world.episodes, len(spread)))
     return out
 
 
 def drive(world: World) -> Driving:
     """The world's excitation."""
-    rng, way = world.generator(1), way_of(world)
+    rng, way = world.generator(1), _way_of(world)
     robot, layout = robot_of(world.system), layout_of(world.system)
-    if world.excitation == "fourier":
+    if world.excitation == FOURIER:
         return _fourier(world, rng)
     model = spec_of(world.system).compile()
     shape = (world.steps + 1, world.episodes)
@@ -83,61 +88,61 @@ def drive(world: World) -> Driving:
     size = rng.uniform(0.6, 1.0, len(layout.action))
     reference = np.zeros((*shape, 2 * len(rest)))
     reference[..., 0::2] = rest
-    low, high = _limits(model, reach, way)
+    low, high = OWN_RANGE * np.asarray(model.actuator_ctrlrange, dtype=np.float64).T
     gains = np.zeros((len(layout.action), reference.shape[2]))
+    joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
     if way == "servo":
-        joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
         return Driving(reference, rest[joints] + reach[joints] * size * signal, gains, low, high)
     if way in ("balance", "torque"):
         path = _signal("sines", (*shape, len(rest)), world.dt, rng, 0.5 if way == "torque" else 0.2)
         reference[..., 0::2] += 0.8 * reach * path
         reference[..., 1::2] = np.gradient(reference[..., 0::2], world.dt, axis=0)
+    weighed = None
     if way == "balance":
         gains = balancing(world.system, world.dt)
     elif way == "torque":
+        # A motor without a range gets what its joint can use.
+        limited = np.asarray(model.actuator_ctrllimited, dtype=np.bool_)
+        plenty = 4.0 * np.asarray(model.dof_M0) * TRACKING**2 * np.maximum(reach, 0.5)
+        low, high = np.where(limited, low, -plenty), np.where(limited, high, plenty)
         inertia = np.array(model.dof_M0)
         gains[:, 0::2], gains[:, 1::2] = np.diag(inertia * TRACKING**2), np.diag(1.4 * inertia * TRACKING)
-    else:
-        gains = _centring(layout, robot.reach, model)
-    base = DITHER[way] * high * size * signal[:-1]
-    weighed = (model, mujoco().MjData(model)) if way == "torque" else None
-    return Driving(reference, base, gains, low, high, weighed)
+        weighed = (model, mujoco().MjData(model))
+    else:  # a weak pull back to rest on every joint that has an actuator
+        for i, j in enumerate(joints):
+            most = float(model.actuator_ctrlrange[i, 1])
+            gains[i, 2 * j], gains[i, 2 * j + 1] = 0.5 * most / robot.reach[j], 0.1 * most / robot.reach[j]
+    return Driving(reference, DITHER[way] * high * size * signal[:-1], gains, low, high, weighed)
 
 
-HARMONICS, FADE = 5, 1.0  # of a Fourier series; s until it has begun
-SLOWEST_WAVE, ORDINARY = (0.08, 0.2), 3.14  # Hz of a joint that turns at so many rad/s at most
-OWN_SPEED, OWN_ROOM = 0.6, 0.9  # of a joint's speed, and of its way to its limits, that are used
-STIFF, CRITICAL = 8.0, 0.8  # rad/s and damping of the controller that tracks
-
-
-def _fourier(world: World, rng: np.random.Generator) -> Driving:
+def _fourier(world: World, rng: Rng) -> Driving:
     """Fourier series in every joint (Swevers et al. 1997), within its limits: a servo's commands or what is tracked.
 
     Tracked by the torques of the model as it is believed, and a proportional and derivative controller.
     """
     robot, layout = robot_of(world.system), layout_of(world.system)
-    model, way = spec_of(world.system).compile(), way_of(world)
+    model = spec_of(world.system).compile()
     q = _series(world, model, rng)
     joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
     reference = np.zeros((*q.shape[:2], 2 * q.shape[2]))
     reference[..., 0::2], reference[..., 1::2] = q, np.gradient(q, world.dt, axis=0)
     gains = np.zeros((len(joints), reference.shape[2]))
     low, high = np.array(model.actuator_ctrlrange, dtype=np.float64).T
-    if way == "servo":
+    if _way_of(world) == "servo":
         return Driving(reference, q[:, :, joints], gains, low, high)
-    low, high = -np.array(robot.drives.torque)[joints], np.array(robot.drives.torque)[joints]
+    high = np.array(robot.drives.torque)[joints]
     rates = np.gradient(reference[..., 1::2], world.dt, axis=0)
     base = bare_torques(model, q, reference[..., 1::2], rates)[:, :, joints]
     moved = np.array(model.dof_M0)[joints] + high / robot.drives.spin[1]
     for i, j in enumerate(joints):
         gains[i, 2 * j : 2 * j + 2] = moved[i] * STIFF**2, 2.0 * CRITICAL * moved[i] * STIFF
-    return Driving(reference, base, gains, low, high)
+    return Driving(reference, base, gains, -high, high)
 
 
-def _series(world: World, model: Any, rng: np.random.Generator) -> FloatArray:
+def _series(world: World, model: Any, rng: Rng) -> FloatArray:
     """(K + 1, E, C) the places that are wanted, from where each episode begins."""
     robot, first = robot_of(world.system), starts(world)[:, 0::2]
-    rest = np.array(robot.rest[way_of(world)])
+    rest = np.array(robot.rest[_way_of(world)])
     t = world.dt * np.arange(world.steps + 1)[:, None, None]
     shape = (HARMONICS, 1, world.episodes, len(rest))
     turns = 2.0 * np.pi * rng.uniform(*SLOWEST_WAVE, shape[1:]) * robot.drives.speed / ORDINARY
@@ -175,7 +180,7 @@ def bare_torques(model: Any, q: FloatArray, v: FloatArray, a: FloatArray) -> Flo
 
 def sound(world: World, truth: Run) -> FloatArray:
     """(E,) samples that an operator would keep: until a joint ran away, met its limit, or something touched."""
-    robot, way, true = robot_of(world.system), way_of(world), truth.sampled
+    robot, way, true = robot_of(world.system), _way_of(world), truth.sampled
     away = np.abs(true[..., 0::2] - np.array(robot.rest[way]))
     bad = ~np.isfinite(true).all(axis=2) | (np.abs(true[..., 1::2]) > WILD).any(axis=2) | (truth.free == 0)
     if way == "balance":
@@ -183,26 +188,6 @@ def sound(world: World, truth: Run) -> FloatArray:
     elif way in ("servo", "torque"):
         bad |= (away > OFF * (np.array(robot.reach) + np.array(robot.spread))).any(axis=2)
     return np.where(bad.any(axis=0), np.argmax(bad, axis=0), len(true))
-
-
-def _limits(model: Any, reach: FloatArray, way: Way) -> tuple[FloatArray, FloatArray]:
-    """(A,) least and most that is commanded; a motor without a range gets what its joint can use."""
-    limited = np.asarray(model.actuator_ctrllimited, dtype=np.bool_)
-    low, high = OWN_RANGE * np.asarray(model.actuator_ctrlrange, dtype=np.float64).T
-    if way != "torque":
-        return low, high
-    plenty = 4.0 * np.asarray(model.dof_M0) * TRACKING**2 * np.maximum(reach, 0.5)
-    return np.where(limited, low, -plenty), np.where(limited, high, plenty)
-
-
-def _centring(layout: Layout, reach: tuple[float, ...], model: Any) -> FloatArray:
-    """(A, S) a weak pull back to rest on every joint that has an actuator."""
-    gains = np.zeros((len(layout.action), len(layout.state)))
-    for i, action in enumerate(layout.action):
-        j = layout.joints.index(layout.driven[action])
-        high = float(model.actuator_ctrlrange[i, 1])
-        gains[i, 2 * j], gains[i, 2 * j + 1] = 0.5 * high / reach[j], 0.1 * high / reach[j]
-    return gains
 
 
 @lru_cache(maxsize=8)
@@ -221,11 +206,9 @@ def balancing(robot: str, dt: float) -> FloatArray:
         return np.asarray(row[0])
 
     none = np.zeros(actions)
-    a = np.stack(
-        [after(rest + nudge * e, none) - after(rest - nudge * e, none) for e in np.eye(width)], axis=1
-    )
-    b = np.stack([after(rest, nudge * e) - after(rest, -nudge * e) for e in np.eye(actions)], axis=1)
-    a, b = a / (2 * nudge), b / (2 * nudge)
+    moved = [after(rest + nudge * e, none) - after(rest - nudge * e, none) for e in np.eye(width)]
+    acted = [after(rest, nudge * e) - after(rest, -nudge * e) for e in np.eye(actions)]
+    a, b = (np.stack(rows, axis=1) / (2 * nudge) for rows in (moved, acted))
     weight = np.diag([10.0 if i % 2 == 0 else 0.1 for i in range(width)])
     # An actuator at its limit weighs as much as a quarter of a metre or a radian.
     dear = np.diag(1.0 / np.asarray(plant.model.actuator_ctrlrange)[:, 1] ** 2)
@@ -234,7 +217,7 @@ def balancing(robot: str, dt: float) -> FloatArray:
 
 
 def _signal(
-    kind: str, shape: tuple[int, int, int], dt: float, rng: np.random.Generator, fastest: float = FASTEST
+    kind: str, shape: tuple[int, int, int], dt: float, rng: Rng, fastest: float = FASTEST
 ) -> FloatArray:
     """(K + 1, E, A) in about [-1, 1]: five sines each, or levels of either sign held for a random while."""
     count, episodes, actions = shape
@@ -247,3 +230,31 @@ def _signal(
     frequency = np.exp(rng.uniform(np.log(SLOWEST), np.log(fastest), spread))
     phase = rng.uniform(0, 2 * np.pi, spread)
     return np.asarray(np.clip(np.sin(2 * np.pi * frequency * t + phase).sum(axis=0) / 2.5, -1.0, 1.0))
+
+
+def run(world: World, effects: Sequence[TrueEffect]) -> Run:
+    """Drive a world of few effects."""
+    plant, state = Plant(world.system, effects), starts(world)
+    return driven(world, effects, frame_of(world.system), plant, drive(world), state, plant.h, FAR)
+
+
+def run_whole(world: World, h: float | None = None) -> Run:
+    """Drive a whole robot; a fine state is a sample's."""
+    driving, state = drive(world), starts(world)
+    noise = noise_of(world, layout_of(world.system).names)
+    plant = Stepped(world.system, world.effects, h or step_of(world.system))
+    n = round(world.dt / plant.h)
+    held = plant.late // n  # samples
+    plant.late -= held * n
+    plant.begin(state)
+    fine = np.empty((world.steps + 1, *state.shape))
+    fine[0], free = state, np.ones((world.steps + 1, world.episodes))
+    commands = np.empty((world.steps, world.episodes, len(layout_of(world.system).action)))
+    for k in range(world.steps):
+        commands[k] = driving.command(k, fine[k] + noise[k])
+        # Nothing else was commanded before the start.
+        before, now = (commands[max(k - back, 0)] for back in (held + 1, held))
+        fine[k + 1] = np.nan_to_num(np.clip(plant.sample(before, now, n), -FAR, FAR))
+        free[k + 1] = free[k] * touch_free(plant.data)
+    empty, clock = np.empty((world.steps + 1, world.episodes, 0)), np.zeros(world.episodes)
+    return Run(fine, world.dt, commands, fine, fine + noise, empty, clock, world.offsets, free)

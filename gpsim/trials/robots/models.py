@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.trials.truth import mujoco
+from gpsim.trials.bodies import mujoco
 from gpsim.trials.worlds import rounded
 
 Files = Mapping[str, str]
@@ -64,7 +64,7 @@ class Robot:
 
 
 def _afloat(name: str, files: Callable[[], Files], steps: tuple[float, ...], body: str) -> Robot:
-    """One that a controller of its own keeps up (`pilots`): what is drawn of it stands in `afloat`."""
+    """One that a controller of its own keeps up: what is drawn of it stands in `afloat`."""
     return Robot(name, f"{name}.xml", files, (), steps, {}, (), (), (body,), (), (), Drives(()))
 
 

@@ -23,15 +23,15 @@ from typing import NamedTuple
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.robots.driving import bare_torques
+from gpsim.trials.drawing import digits
+from gpsim.trials.robots.driving import FOURIER, bare_torques
 from gpsim.trials.robots.models import ROBOTS, SERVOED, SERVOS, WHOLE, Robot, layout_of, robot_of, spec_of
-from gpsim.trials.robots.plant import changed_model
-from gpsim.trials.robots.running import step_of
+from gpsim.trials.robots.moving import changed_model, step_of
 from gpsim.trials.worlds import Rough, Run, TrueEffect, World, rounded
 
+Rng = np.random.Generator
 WHOLE_FROM, WHOLE_TO = 400_000, 500_000
 """Whole robots' numbers begin behind it, so that all other worlds of a seed stay what they are."""
-FOURIER = "fourier"
 DRY, VISCOUS, OFFSET = (0.01, 0.06), (0.02, 0.12), (0.005, 0.03)  # of the torque
 LOAD, ARM = (0.03, 0.15), 0.5 * 9.81  # of the torque, by a payload this far out (m) in the earth's gravity
 MASS = (0.1, 0.4)  # by which a body's mass is off
@@ -40,6 +40,9 @@ TWO, LATE_CHANCE = 0.5, 0.5  # of two bodies that are off, of late commands
 TRANSITIONS, SECONDS, FEWEST = (3000, 5000), (6.0, 12.0), 5  # in all; of an episode; episodes
 POSITIONS, SPEEDS = (1e-4, 5e-4), (2e-3, 1e-2)  # noise, rad and rad/s (m and m/s)
 BITS, DROPPED = (14, 18), (0.005, 0.03)  # of an encoder; share of the rows
+ROWS = ("viscous_friction", "coulomb_friction", "armature")
+"""Families that every joint of a whole robot has a row of."""
+OF_BODIES = ("mass", "inertia", "com_x", "com_y", "com_z")
 
 
 def whole_rank(number: int) -> int | None:
@@ -69,30 +72,25 @@ def draw_whole(seed: int, number: int, attempt: int = 0) -> World:
     way = next((w for w in robot.ways if w != "balance"), robot.ways[0])
     dt = float(rng.choice(robot.steps))
     seconds, wanted = float(rng.uniform(*SECONDS)), float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
-    steps = round(seconds / dt)
-    rough, noise = _encoder(layout.joints, rng) if encoder else (None, _noise(layout.names, rng))
+    steps, rough = round(seconds / dt), None
+    if encoder:  # its noise is a third of a step; speeds are the controller's alone
+        bits = {j: digits(2.0 * np.pi / 2 ** int(rng.integers(BITS[0], BITS[1] + 1))) for j in layout.joints}
+        noise = {name: sd for j in bits for name, sd in ((j, 0.3 * bits[j]), (f"{j}_dot", SPEEDS[0]))}
+        rough = Rough(quantum=bits, dropped=digits(rng.uniform(*DROPPED)))
+    else:
+        noise = {
+            n: digits(rng.uniform(*(SPEEDS if i % 2 else POSITIONS))) for i, n in enumerate(layout.names)
+        }
     return World(
-        seed=seed, number=number, attempt=attempt, stratum="whole", long=False, system=name, parameters={},
-        integrator="rk4", dt=dt, engine="mujoco", effects=_effects(robot, dt, rng),
-        episodes=max(round(wanted / steps), FEWEST), steps=steps, clock="episode",
-        excitation=FOURIER if way in ("servo", "torque") else "sines", posture=way, noise_level="normal",
-        noise=noise, noise_known=bool(rng.random() < 0.5), velocities=None if encoder else "measured", smoothing="",
-        wrapped=False, held_out=None, rough=rough,
+        seed=seed, number=number, attempt=attempt, stratum="whole", system=name, dt=dt, engine="mujoco",
+        effects=_effects(robot, dt, rng), episodes=max(round(wanted / steps), FEWEST), steps=steps,
+        excitation=FOURIER if way in ("servo", "torque") else "sines", posture=way, noise=noise,
+        noise_known=bool(rng.random() < 0.5), velocities=None if encoder else "measured", rough=rough,
     )  # fmt: skip
 
 
-def _noise(names: tuple[str, ...], rng: np.random.Generator) -> dict[str, float]:
-    return {n: _digits(rng.uniform(*(SPEEDS if i % 2 else POSITIONS))) for i, n in enumerate(names)}
-
-
-def _encoder(joints: tuple[str, ...], rng: np.random.Generator) -> tuple[Rough, dict[str, float]]:
-    """An encoder's steps and lost packets; and its noise, a third of a step. Speeds are the controller's alone."""
-    steps = {j: _digits(2.0 * np.pi / 2 ** int(rng.integers(BITS[0], BITS[1] + 1))) for j in joints}
-    noise = {name: sd for j in joints for name, sd in ((j, 0.3 * steps[j]), (f"{j}_dot", SPEEDS[0]))}
-    return Rough(quantum=steps, dropped=_digits(rng.uniform(*DROPPED))), noise
-
-
-def _effects(robot: Robot, dt: float, rng: np.random.Generator) -> tuple[TrueEffect, ...]:
+def _effects(robot: Robot, dt: float, rng: Rng) -> tuple[TrueEffect, ...]:
+    """A row of friction and one of a rotor in every joint; bodies, offsets, late commands."""
     layout, drives, h = layout_of(robot.name), robot.drives, step_of(robot.name)
     torque = dict(zip(layout.joints, drives.torque, strict=True))
     made = []
@@ -107,15 +105,15 @@ def _effects(robot: Robot, dt: float, rng: np.random.Generator) -> tuple[TrueEff
     for joint in rng.choice(moved, rng.integers(0, max(len(moved) // 2, 1) + 1), replace=False):
         force = torque[str(joint)] * _size(rng, *OFFSET) * rng.choice([-1.0, 1.0])
         made.append(TrueEffect("constant_force", str(joint), {"force": force}))
+    late = []
     if rng.random() < LATE_CHANCE:
-        late = round(max(round(dt * rng.uniform(*LATE) / h), 1) * h, 9)
-        made += [TrueEffect("actuator_delay", action, {"delay": late}) for action in layout.action]
-    return tuple(
-        e if e.family == "actuator_delay" else TrueEffect(e.family, e.on, _rounded(e.values)) for e in made
-    )
+        delay = round(max(round(dt * rng.uniform(*LATE) / h), 1) * h, 9)
+        late = [TrueEffect("actuator_delay", action, {"delay": delay}) for action in layout.action]
+    readable = (TrueEffect(e.family, e.on, {k: rounded(float(v)) for k, v in e.values.items()}) for e in made)
+    return (*readable, *late)
 
 
-def _bodies(robot: Robot, rng: np.random.Generator) -> list[TrueEffect]:
+def _bodies(robot: Robot, rng: Rng) -> list[TrueEffect]:
     """One or two that are off: a payload, a mass, or both."""
     body = str(rng.choice(robot.masses))
     ratio = 1.0 + _size(rng, *MASS) * rng.choice([-1.0, 1.0])
@@ -131,23 +129,9 @@ def _bodies(robot: Robot, rng: np.random.Generator) -> list[TrueEffect]:
     return [mass, load] if both else [load if rng.random() < 0.5 else mass]
 
 
-def _size(rng: np.random.Generator, low: float, high: float) -> float:
+def _size(rng: Rng, low: float, high: float) -> float:
     """Evenly in the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-def _rounded(values: object) -> dict[str, float]:
-    assert isinstance(values, dict)
-    return {k: rounded(float(v)) for k, v in values.items()}
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.3g}")
-
-
-ROWS = ("viscous_friction", "coulomb_friction", "armature")
-"""Families that every joint of a whole robot has a row of."""
-OF_BODIES = ("mass", "inertia", "com_x", "com_y", "com_z")
 
 
 class Motion(NamedTuple):
@@ -166,23 +150,22 @@ def motion_of(world: World, truth: Run, kept: FloatArray) -> Motion:
     return Motion(states[:, 0::2], states[:, 1::2], np.concatenate(rates))
 
 
-def of_body(effect: TrueEffect) -> bool:
+def of_body(family: str, on: str) -> bool:
     """Whether an effect changes a body's mass, its centre or its inertia."""
-    changed = effect.on.rpartition(".")[2] in OF_BODIES
-    return effect.family == "payload" or (effect.family == "parameter_offset" and changed)
+    return family == "payload" or (family == "parameter_offset" and on.rpartition(".")[2] in OF_BODIES)
 
 
 def body_torques(robot: str, effects: Sequence[TrueEffect], motion: Motion) -> FloatArray:
     """(N, C) what changed bodies ask for more than those that are believed."""
-    bodies = [e for e in effects if of_body(e)]
+    bodies = [e for e in effects if of_body(e.family, e.on)]
     more, bare = (bare_torques(changed_model(robot, es), *motion) for es in (bodies, ()))
     return np.asarray(more - bare)
 
 
 def joint_torques(world: World, motion: Motion) -> FloatArray:
     """(C,) root mean square of the torque that moves a joint; of one without an actuator, of its weight's."""
-    layout = layout_of(world.system)
-    total = bare_torques(changed_model(world.system, [e for e in world.effects if of_body(e)]), *motion)
+    layout, bodies = layout_of(world.system), [e for e in world.effects if of_body(e.family, e.on)]
+    total = bare_torques(changed_model(world.system, bodies), *motion)
     weight = bare_torques(changed_model(world.system, ()), motion.q, motion.v, np.zeros_like(motion.a))
     for e in world.effects:
         if e.family in (*ROWS, "constant_force"):
@@ -195,16 +178,16 @@ def joint_torques(world: World, motion: Motion) -> FloatArray:
 def shares_of(world: World, motion: Motion) -> list[float | None]:
     """Of every effect the share of its joint's torque, of a body the largest; None of commands."""
     layout, whole = layout_of(world.system), np.maximum(joint_torques(world, motion), 1e-12)
-    out: list[float | None] = []
-    for e in world.effects:
-        if of_body(e):
-            out.append(float((_rms(body_torques(world.system, [e], motion)) / whole).max()))
-        elif e.on in layout.joints:
-            j = layout.joints.index(e.on)
-            out.append(float(_rms(_of_joint(e, motion, j)) / whole[j]))
-        else:
-            out.append(None)
-    return out
+
+    def share(e: TrueEffect) -> float | None:
+        if of_body(e.family, e.on):
+            return float((_rms(body_torques(world.system, [e], motion)) / whole).max())
+        if e.on not in layout.joints:
+            return None
+        j = layout.joints.index(e.on)
+        return float(_rms(_of_joint(e, motion, j)) / whole[j])
+
+    return list(map(share, world.effects))
 
 
 def _of_joint(effect: TrueEffect, motion: Motion, j: int) -> FloatArray:

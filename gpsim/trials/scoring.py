@@ -1,0 +1,314 @@
+"""What counts as right: one diagnosis against its answer, by the rules of its stratum (`RULES`).
+
+Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents. On
+plain worlds and robots of few effects every effect counts, slight ones, too; on rough worlds the headline. The rules
+are pure functions: no files, no fits. `score_trial` reveals an answer, has its equivalents listed, and judges.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.files import plain, tells_of_full_disk, written_whole
+from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
+from gpsim.trials.claims import (
+    Claim,
+    Json,
+    approximate,
+    asserted,
+    claims_of,
+    failed,
+    failed_gates,
+    families_of,
+    gate_figures,
+    headline_of,
+    identity,
+    listed,
+    opened,
+    parameter_errors,
+    said_share,
+    spurious_of,
+    words_of,
+)
+from gpsim.trials.contradictions import contradictions
+from gpsim.trials.equivalents import Listing, cached_listing
+from gpsim.trials.fits import Rival
+from gpsim.trials.judged import afloat_rollouts, machine_listing, robot_rivals, whole_listing
+from gpsim.trials.plan_rivals import second_recordings
+from gpsim.trials.scoring_parts import (
+    claims_of_nuisances,
+    of_first,
+    rough_verdicts,
+    score_afloat,
+    score_curve,
+    score_machine,
+    score_plan,
+    score_whole,
+)
+from gpsim.trials.worlds import SYSTEMS
+
+SCORES = "scores"
+LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
+LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
+
+
+def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
+    """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
+    if answer.content["stratum"] == "rough":
+        return score_rough(answer, report, rivals)
+    if "robot" in answer.content:
+        return score_robot(answer, report, rivals)
+    effects, truth = answer.content["effects"], frozenset(answer.claims)
+    inside = not any(e["outside"] for e in effects)
+    equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
+    named = words_of(effects)
+    words = {frozenset(named)} if named and len(effects) == 1 else set()
+    right_claims = (equal | {truth}) if inside else equal | words
+    out = opened(answer, equal, visible=bool(answer.content["visible"]))
+    out["truth"] = out["truth"] or [[e["family"], e["on"]] for e in effects]
+    if report is None:
+        return out | failed() | failed_gates(effects)
+    verdict, leader = str(report["verdict"]), claims_of(report["effects"])
+    out |= _said(report, truth, right_claims)
+    out["verdict_right"] = verdict in _verdicts(out["stratum"], equal | words)
+    out["right"] = _right(out["stratum"], report, truth, right_claims)
+    if out["stratum"] == "none":
+        out["false_alarm"] = _alarm(report)
+    if not inside:
+        out |= _outside(report, frozenset().union(*equal, *words))
+        out["right"] = bool(out["said_so"] or (verdict == "named" and out["leading_right"]))
+    if inside and truth:
+        out |= _location(answer, report, leader, right_claims)
+        out["parameters"] = parameter_errors(effects, report["effects"]) if leader == truth else []
+    out["fit"] = held_out_fit(answer, report)
+    return out
+
+
+def score_robot(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
+    """The rules of plain worlds, without location and one-step fit.
+
+    No effect has a gate, so none may be claimed; what a diagnosis says of rates that nobody measured is not scored.
+    """
+    effects, truth = answer.content["effects"], frozenset(answer.claims)
+    equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
+    out = {"robot": answer.content["robot"], **opened(answer, equal)}
+    if report is None:
+        return out | failed(parameters=[])
+    verdict, leader = str(report["verdict"]), claims_of(report["effects"])
+    out |= _said(report, truth, {truth, *equal})
+    out["gated"] = any(e["region"] or e["since"] is not None for e in report["effects"])
+    out["parameters"] = parameter_errors(effects, report["effects"]) if leader == truth else []
+    if out["stratum"] == "none":
+        quiet = verdict == "none"
+        return out | {"verdict_right": quiet, "right": quiet, "false_alarm": _alarm(report)}
+    out["verdict_right"] = verdict == "named" or (verdict == "ambiguous" and bool(equal))
+    right = verdict in ("named", "ambiguous") and _right(out["stratum"], report, truth, {truth, *equal})
+    out["right"] = bool(right and not out["gated"])
+    return out
+
+
+def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
+    """Everything that can be said of one diagnosis of a rough world; a missing report finds nothing.
+
+    found: share of the main effects among the headline, or of an equivalent of them all; spurious: headline effects
+    that are neither, nor what a nuisance may be called; asserted: those of them that are said to hold, with odds.
+    """
+    truth = frozenset(answer.claims)
+    equal = {frozenset(r.claims) for r in rivals if r.equivalent and r.claims} - {truth}
+    explained = float(answer.content["rough"]["explained"])
+    verdicts = rough_verdicts(explained, bool(equal))
+    out = opened(answer, equal, explained=explained, verdicts=sorted(verdicts), main=len(truth))
+    if report is None:
+        return out | failed(found=0.0, spurious=0, asserted=0, parameters=[])
+    headline, verdict, right_claims = headline_of(report["effects"]), str(report["verdict"]), {truth, *equal}
+    said = claims_of(headline)
+    allowed = frozenset().union(*right_claims) | claims_of_nuisances(answer)
+    spurious = [e for e in headline if identity(e) not in allowed]
+    found = max(len(said & claims) / len(claims) for claims in right_claims)
+    return out | {
+        "verdict": verdict,
+        "said": listed(said),
+        "said_explained": said_share(report),
+        "found": found,
+        **spurious_of(spurious),
+        "asserted": sum(map(asserted, spurious)),
+        "verdict_right": verdict in verdicts,
+        "leading_right": found == 1.0,
+        "families_right": {f for f, _ in said} >= {f for f, _ in truth},
+        "parameters": parameter_errors(answer.content["effects"], headline),
+        "right": bool(verdict in verdicts and found == 1.0 and not spurious),
+    }
+
+
+def held_out_fit(answer: Answer, report: Json) -> dict[str, dict[str, float]]:
+    """Rate -> each model's held-out one-step error over the true model's own on the same episodes."""
+    held = [int(name) for name in report["fit"]["held_out"] if str(name).isdigit()]
+    rows = np.isin(answer.episode, held)
+    own = answer.own[rows if rows.any() else slice(None)]
+    rates, kinds = SYSTEMS[answer.world.system].rates, ("before", "tuned", "gp", "after", "after_gp")
+    out = {}
+    for rate, errors in report["fit"]["one_step"].items():
+        best = max(float(np.sqrt(np.mean(own[:, rates.index(rate)] ** 2))), 1e-12)
+        out[rate] = {kind: float(errors[kind]) / best for kind in kinds if errors.get(kind) is not None}
+    return out
+
+
+def _said(report: Json, truth: Claim, right_claims: set[Claim]) -> dict[str, Any]:
+    """What the leader and the others claim, and what of it is right."""
+    leader, families = claims_of(report["effects"]), {families_of(c) for c in right_claims}
+    return {
+        "verdict": str(report["verdict"]),
+        "said": listed(leader),
+        "alternatives": sorted(listed(claims_of(a["effects"])) for a in report["alternatives"]),
+        "leading_right": leader in right_claims and bool(leader),
+        "families_right": families_of(leader) in families and bool(leader),
+        "found": len(leader & truth),
+    }
+
+
+def _alarm(report: Json) -> bool:
+    return report["verdict"] in ("named", "ambiguous", "partial") or bool(report["effects"])
+
+
+def _right(stratum: str, report: Json, truth: Claim, right_claims: set[Claim]) -> bool:
+    """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
+    verdict, leader = report["verdict"], claims_of(report["effects"])
+    if stratum == "none":
+        return bool(verdict == "none")
+    if verdict == "named":
+        return leader in right_claims
+    if verdict == "ambiguous":
+        members = {leader, *(claims_of(a["effects"]) for a in report["alternatives"])}
+        return truth in members and members <= right_claims
+    return verdict == "none" and frozenset() in right_claims
+
+
+def _verdicts(stratum: str, equal: set[Claim]) -> set[str]:
+    """The verdicts that a world calls for; with listed equivalents there is more than one."""
+    if stratum == "none":
+        return {"none"}
+    if stratum == "unknown":
+        return {"unknown", "partial"} | ({"named"} if equal else set())
+    return {"named"} | ({"ambiguous"} if equal else set()) | ({"none"} if frozenset() in equal else set())
+
+
+def _outside(report: Json, equivalent: Claim) -> dict[str, Any]:
+    """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted.
+
+    Said so: `unknown`, `partial`, or every headline effect's law only approximates. A wrong name, whatever the verdict:
+    a headline effect that is in no listed equivalent.
+    """
+    headline = headline_of(report["effects"])
+    nearest = bool(headline) and all(map(approximate, headline))
+    wrong = any(asserted(e) for e in headline if identity(e) not in equivalent)
+    return {"said_so": report["verdict"] in ("unknown", "partial") or nearest, "named_wrong": wrong}
+
+
+def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:
+    """Whether the rate, the place and the gates are right."""
+    world, readings = answer.world, np.concatenate(answer.clean)
+    edges = zip(readings.min(axis=0).tolist(), readings.max(axis=0).tolist(), strict=True)
+    visited = dict(zip(SYSTEMS[world.system].names, edges, strict=True))
+    duration, effects = float(world.clock_offsets[-1] + world.steps * world.dt), answer.content["effects"]
+    right = leader in right_claims
+    out: dict[str, Any] = {
+        "rate_right": _rate_right(answer.content["one_step"], report["location"]["channels"]),
+        "place_right": right or {on for _, on in leader} == {on for _, on in answer.claims},
+        **gate_figures(effects, report["effects"], visited, duration, stands_in=right),
+    }
+    out["location_right"] = bool(out["rate_right"] and out["place_right"] and out["gate_right"])
+    return out
+
+
+def _rate_right(one_step: Json, said: Mapping[str, float]) -> bool:
+    """Whether the rate with the largest share in the diagnosis is one of the leading ones in truth."""
+    shares = {r: max(0.0, 1.0 - (e["own"] / max(e["base"], 1e-300)) ** 2) for r, e in one_step.items()}
+    most = max(shares.values())
+    if not said or max(said.values()) <= 0 or most < LEAST_SEEN:
+        return bool(most < LEAST_SEEN)
+    pointed = max(said, key=lambda rate: said[rate])
+    return bool(shares.get(pointed, 0.0) >= LEADING_RATE * most)
+
+
+RULES: Mapping[str, tuple[Callable[..., Any], Callable[..., dict[str, Any]]]] = {
+    "machines": (machine_listing, score_machine),
+    "whole": (whole_listing, score_whole),
+    "afloat": (afloat_rollouts, score_afloat),
+    "curves": (lambda *given: None, score_curve),
+    "plans": (second_recordings, score_plan),
+}
+"""Stratum -> what is dear to find out of a trial, and how its diagnosis is judged by that; all others by `score`."""
+
+
+def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
+    """Score a diagnosed trial anew and write OUT/scores/NAME.json; raises UsageError when its answer is refused.
+
+    What goes wrong after that, a full disk apart, is the trial's own error: it counts as wrong and stops no other.
+    """
+    answer = reveal(out, answers, name)
+    outcome = read_outcome(out, name)
+    try:
+        report = read_report(out, name)
+        found = _judged(out, name, answer, outcome, report) | {"scored": True, "error": outcome["error"]}
+        found["contradictions"] = [] if report is None else contradictions(report)
+    except Exception as error:  # whatever it is, it must not block the reveal of the others
+        if isinstance(error, OSError) and tells_of_full_disk(str(error)):
+            raise
+        stratum = answer.content["stratum"]
+        found = RULES[stratum][1](answer, None, None) if stratum in RULES else score(answer, None, [])
+        found |= {"scored": False, "rivals": [], "sindy": None}
+        found["error"] = f"not scored: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    found |= _of_world(answer) | {
+        "trial": name,
+        "diagnosis_sha256": diagnosis_digest(out, name),
+        "git_commit": outcome.get("git_commit"),
+        "seconds": outcome["seconds"],
+    }
+    path = out / SCORES / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as made:
+        made.write_text(json.dumps(plain(found), indent=1) + "\n", encoding="utf-8")
+    return found
+
+
+def _judged(out: Path, name: str, answer: Answer, outcome: Json, report: Json | None) -> dict[str, Any]:
+    """The diagnosis by the rules of its stratum; the rivals that came nearest, and whether PySINDy was right."""
+    stratum = answer.content["stratum"]
+    if stratum in RULES:
+        listing, rules = RULES[stratum]
+        first = of_first(report) if report is not None and stratum == "machines" else report
+        found = rules(answer, first, listing(out, name, answer, outcome, first))
+        return found | {"rivals": [], "sindy": None}
+    if "robot" in answer.content:  # of a robot's world those that were said
+        known = Listing(robot_rivals(out, name, answer, outcome, report), None)
+    else:
+        known = cached_listing(out, name, answer, outcome)
+    right = {frozenset(answer.claims)} | {frozenset(r.claims) for r in known.rivals if r.equivalent}
+    said = known.sindy
+    return score(answer, report, known.rivals) | {
+        "rivals": [{"claims": list(map(list, r.claims)), "nats_lost": r.loss} for r in known.rivals[:6]],
+        "sindy": None if said is None else {"said": list(map(list, said)), "right": frozenset(said) in right},
+    }
+
+
+def _of_world(answer: Answer) -> dict[str, Any]:
+    """What the strata need."""
+    content, world = answer.content, answer.world
+    effects = content["effects"]
+    gates = {"region" if e["region"] else "since" for e in effects if e["region"] or e["since"] is not None}
+    order = ("subtle", "medium", "plain")
+    same = ("system", "engine", "noise_level", "noise_known", "velocities", "excitation")
+    return {
+        "long": content["long"],
+        "transitions": content["transitions"],
+        **{name: getattr(world, name) for name in same},
+        "strength": min((e["strength"] for e in effects if e["strength"]), key=order.index, default=""),
+        "gate": ", ".join(sorted(gates)) or "everywhere",
+        "effects": effects,
+        "defects": next((content[k]["defects"] for k in ("rough", "machine", "whole") if k in content), []),
+    }

@@ -1,0 +1,267 @@
+"""From the scores of all trials to figures with intervals: strata, headlines, confusion, misses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.trials.figures import FIGURES, answered
+from gpsim.trials.goals import EQUIVALENT, goals
+from gpsim.trials.intervals import (
+    Score,
+    flat,
+    interval,
+    median_interval,
+    rate,
+    rates_by,
+    share_interval,
+    tally,
+)
+
+SCHEMA = "gpsim.prove/1"
+SIZES = ("single", "pair", "triple")
+NEAR_OWN = 1.1  # held-out error over the true model's own
+
+
+def summarise(scores: Sequence[Score]) -> dict[str, Any]:
+    """The content of prove.json, without what the caller knows of how it was run.
+
+    The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds, the
+    robots, the machines, the whole robots, what floats or stands, the curves, the plans and the newer families by
+    themselves. `all` holds every plain world; `strata` the same figures by noise, strength, velocities, system, engine,
+    excitation and visibility.
+    """
+    groups = {name: [s for s in scores if _group(s) == name] for name in (*FIGURES, "words")}
+    plain = [s for s in scores if _group(s) not in FIGURES]
+    standard = [s for s in plain if not s["long"] and _group(s) != "words"]
+    words = [s for s in groups["words"] if not s["long"]]
+    headline = [s for s in standard if s["visible"] or s["stratum"] == "none"]
+    figures = block(headline) | {name: of(groups[name]) for name, of in FIGURES.items() if groups[name]}
+    figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
+    return {
+        "schema": SCHEMA,
+        **figures,
+        "goals": goals(figures),
+        "all": block(standard),
+        "long": block([s for s in plain if s["long"]]),
+        "identifiable": block([s for s in headline if s["identifiable"]]),
+        "strata": {
+            name: {str(v): block([s for s in part if key(s) == v]) for v in _values(part, key)}
+            for name, (part, key) in _strata(standard, headline).items()
+        },
+        "families": _by_family(headline, "single"),
+        "kinds": _by_kind(headline),
+        "confusion": confusion(headline),
+        "rivals": _rivals(standard),
+        "misses": [s["trial"] for s in plain if not s["right"]],
+        "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
+        "contradictions": {s["trial"]: s["contradictions"] for s in scores if s.get("contradictions")},
+        "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
+    }
+
+
+def _group(score: Score) -> str:
+    """The part of the summary that a world stands in by itself, or its stratum."""
+    return "mjcf" if "robot" in score else str(score["stratum"])
+
+
+def block(scores: Sequence[Score]) -> dict[str, Any]:
+    """The figures of a set of trials, in the contract's form; parts without a trial are left out."""
+    out: dict[str, Any] = {"n": len(scores)}
+    for size in SIZES:
+        part = [s for s in scores if s["stratum"] == size]
+        if part:
+            out[size] = rate([s["right"] for s in part], "right") | {
+                "leading_right": sum(bool(s["leading_right"]) for s in part),
+                "families_right": sum(bool(s["families_right"]) for s in part),
+                "failed": _failed(part),
+            }
+    with_effects = [s for s in scores if s["stratum"] in SIZES]
+    decided = [s for s in answered(with_effects) if s["identifiable"]]
+    out |= _optional("verdict_right", [s["verdict_right"] for s in scores], "right")
+    out |= _optional("families_right", [s["families_right"] for s in with_effects], "right")
+    undecided = [s["verdict"] in ("ambiguous", "partial", "unknown") for s in decided]
+    out |= _optional("undecided", undecided, "count")
+    if with_effects:
+        out["location"] = location_figures(with_effects)
+    nothing = [s for s in scores if s["stratum"] == "none"]
+    if nothing:
+        out["none"] = _without_mismatch(nothing)
+    outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
+    if outside:
+        out["unknown"] = rate([s.get("said_so") for s in outside], "said_so")
+        out["unknown"] |= _wrong_names(answered(outside)) | {"failed": _failed(outside)}
+    out |= parameter_figures([s.get("parameters", []) for s in with_effects])
+    worst = [w for s in with_effects if (w := worst_fit(s)) is not None]
+    if worst:
+        within = rate([w <= NEAR_OWN for w in worst], "within")
+        out["fit"] = within | {"share_within": within["share"]} | _median("median", [[w] for w in worst])
+    seconds = [float(s["seconds"]) for s in scores]
+    if seconds:
+        out["seconds"] = _median("median", [[t] for t in seconds], 2) | {"max": round(max(seconds), 2)}
+    return out
+
+
+def location_figures(scores: Sequence[Score]) -> dict[str, Any]:
+    """Rate, place and gates all right; each of them; and how well the gates fit where there are any."""
+    out = rate([s.get("location_right") for s in scores], "right")
+    for part in ("rate_right", "place_right", "gate_right"):
+        out[part] = rate([s.get(part) for s in scores], "right")
+    for figure in ("iou", "onset_error"):
+        values = [float(s[figure]) for s in scores if figure in s]
+        if values:
+            out[figure] = {"n": len(values), "mean": float(np.mean(values))}
+            out[figure] |= _median("median", [[v] for v in values])
+    return out
+
+
+def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
+    """Errors and coverage of all parameters of rightly named effects, world by world; nothing where there are none.
+
+    Errors are relative to the value, and, `of_effect`, to how far the value is from what changes nothing.
+    """
+    count = len(flat(worlds))
+    if not count:
+        return {}
+    covered = [[bool(p["covered"]) for p in world] for world in worlds]
+    errors, of_effect = (
+        [[p[error] for p in world if p["has_scale"]] for world in worlds]
+        for error in ("relative_error", "error_of_effect")
+    )
+    quartiles = [float(q) for q in np.quantile(flat(errors), [0.25, 0.75])] if flat(errors) else None
+    return {
+        "parameters": {
+            "n": count,
+            **_median("median_relative_error", errors),
+            "quartiles": quartiles,
+            **_median("median_error_of_effect", of_effect),
+            "coverage_90": sum(flat(covered)) / count,
+            "interval": share_interval(covered),
+        }
+    }
+
+
+def _without_mismatch(scores: Sequence[Score]) -> dict[str, Any]:
+    """False alarms among the worlds that were given an answer: one that failed is neither an alarm nor quiet."""
+    out = rate([s.get("false_alarm") for s in answered(scores)], "false_alarms")
+    out["share_false"] = out.pop("share")
+    return out | {"said_so": sum(s["verdict"] == "none" for s in scores), "failed": _failed(scores)}
+
+
+def _wrong_names(scores: Sequence[Score]) -> dict[str, Any]:
+    wrong = sum(bool(s.get("named_wrong")) for s in scores)
+    return {
+        "named_wrong": wrong,
+        "share_named_wrong": wrong / len(scores) if scores else None,
+        "interval_named_wrong": interval(wrong, len(scores)),
+    }
+
+
+def _failed(scores: Sequence[Score]) -> int:
+    return len(scores) - len(answered(scores))
+
+
+def _median(name: str, worlds: Sequence[Sequence[float]], digits: int = 6) -> dict[str, Any]:
+    """A median under `name` and its interval; each None where there is no value."""
+    values, bounds = flat(worlds), median_interval(worlds)
+    return {
+        name: round(float(np.median(values)), digits) if values else None,
+        f"interval_{name}": None if bounds is None else [round(edge, digits) for edge in bounds],
+    }
+
+
+def worst_fit(score: Score, kind: str = "after") -> float | None:
+    """A model's held-out error over the true model's own, in the rate where it is worst.
+
+    Infinite where the diagnosis failed or what it corrected ran away; None where nothing was measured.
+    """
+    if score["verdict"] == "failed":
+        return math.inf
+    return max((kinds.get(kind, math.inf) for kinds in score.get("fit", {}).values()), default=None)
+
+
+def confusion(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
+    """True family (or kind, or nothing) -> what was said first -> count, over worlds with at most one effect."""
+    return tally(_told(s) for s in scores if s["stratum"] in ("single", "none", "unknown"))
+
+
+def _told(s: Score) -> tuple[str, str]:
+    truth = s["truth"][0][0] if s["truth"] else "nothing"
+    said = sorted({family for family, _ in s["said"]})
+    if s["leading_right"] and said != [truth]:
+        said = [EQUIVALENT]
+    word = s["verdict"] if s["verdict"] in ("unknown", "failed") else "nothing"
+    return truth, " + ".join(said) if said and s["verdict"] != "unknown" else word
+
+
+def _strata(
+    standard: Sequence[Score], headline: Sequence[Score]
+) -> dict[str, tuple[Sequence[Score], Callable[[Score], Any]]]:
+    return {
+        "visible": (standard, lambda s: s["visible"]),
+        "noise": (headline, lambda s: s["noise_level"]),
+        "strength": ([s for s in headline if s["strength"]], lambda s: s["strength"]),
+        "velocities": (headline, lambda s: s["velocities"] or "pose only"),
+        "system": (headline, lambda s: s["system"]),
+        "engine": (headline, lambda s: s["engine"]),
+        "excitation": (headline, lambda s: s["excitation"]),
+        "gate": ([s for s in headline if s["stratum"] in SIZES], lambda s: s["gate"]),
+        "noise_known": (headline, lambda s: s["noise_known"]),
+    }
+
+
+def _values(scores: Sequence[Score], key: Callable[[Score], Any]) -> list[Any]:
+    return sorted({key(s) for s in scores}, key=str)
+
+
+def _words(scores: Sequence[Score]) -> dict[str, Any]:
+    """Visible worlds of newer families: how many are right, of which family, and how well sizes are known."""
+    return rate([s["right"] for s in scores], "right") | {
+        "identifiable": rate([s["right"] for s in scores if s["identifiable"]], "right"),
+        "families": _by_family(scores, "words"),
+        **parameter_figures([s.get("parameters", []) for s in scores]),
+    }
+
+
+def _by_family(scores: Sequence[Score], stratum: str) -> dict[str, Any]:
+    return rates_by([(s["truth"][0][0], s["right"]) for s in scores if s["stratum"] == stratum], "right")
+
+
+def _by_kind(scores: Sequence[Score]) -> dict[str, Any]:
+    outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
+    wrong = rates_by([(s["truth"][0][0], s.get("named_wrong")) for s in outside], "named_wrong")
+    said = rates_by([(s["truth"][0][0], s.get("said_so")) for s in outside], "said_so")
+    return {name: block | {"named_wrong": wrong[name]["named_wrong"]} for name, block in said.items()}
+
+
+def _rivals(scores: Sequence[Score]) -> dict[str, Any]:
+    """The same worlds by other means: held-out error over the true model's own; and who names what.
+
+    A diagnosis that failed or a model that ran away counts as infinite.
+    """
+    out: dict[str, Any] = {}
+    part = [s for s in scores if s["stratum"] in (*SIZES, "unknown") and worst_fit(s) is not None]
+    for kind in ("before", "tuned", "gp", "after", "after_gp"):
+        if any(kind in k for s in part for k in s.get("fit", {}).values()):
+            worst = [worst_fit(s, kind) for s in part]
+            near = rate([w is not None and w <= NEAR_OWN for w in worst], "within")
+            out[kind] = near | _median("median", [[w] for w in worst if w is not None])
+    return out | _namers(scores)
+
+
+def _namers(scores: Sequence[Score]) -> dict[str, Any]:
+    """PySINDy and the diagnosis on the worlds to which PySINDy applies; those with nothing to name apart."""
+    out: dict[str, Any] = {}
+    for suffix, nothing in (("", False), ("_nothing", True)):
+        part = [s for s in scores if s.get("sindy") and (s["stratum"] == "none") == nothing]
+        if part:
+            out[f"sindy{suffix}"] = rate([s["sindy"]["right"] for s in part], "right")
+            out[f"diagnose_on_the_same{suffix}"] = rate([s["right"] for s in part], "right")
+    return out
+
+
+def _optional(name: str, hits: Sequence[bool], count: str) -> dict[str, Any]:
+    return {name: rate(hits, count)} if hits else {}
