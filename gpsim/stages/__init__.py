@@ -24,7 +24,6 @@ __all__ = [
     "registry",
     "report",
     "runs",
-    "site",
     "stage",
     "sweep",
     "train_gp_policy",
