@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from gpsim.environments import (
 )
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.gp import FitSettings, Predictor, fit_outputs
+from gpsim.gp import Predictor, fit_outputs
 from gpsim.recordings import Episode, write_recording
 from gpsim.settings import build, choice, number, positive
 from gpsim.stages import building, train_source
@@ -56,38 +56,20 @@ def active_settings(request: Request) -> ActiveSettings:
     return build(ActiveSettings, request.config["active"], "active")
 
 
-def drive_actively(request: Request) -> tuple[Episode, ...]:
-    """Episodes on the stand-in, driven to where the Gaussian processes of `gp` are least sure."""
-    settings, task = active_settings(request), make_task(request.config).on_target()
-    rng = generator(request.seed, "collect/active")
-    return collect_actively(
-        target_plant(request.config),
-        task,
-        lambda episodes: _fitted(request, settings, episodes),
-        settings,
-        rng,
-        request.progress,
-    )
-
-
-def _quick(settings: FitSettings) -> FitSettings:
-    """A fit on the way says where to drive next; the one that counts is fit-gp's."""
-    return replace(
-        settings, restarts=min(settings.restarts, 1), max_iterations=min(settings.max_iterations, ON_THE_WAY)
-    )
-
-
 def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episode]) -> Model:
     """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
     base = base_plant(request.config)
     residuals = residuals_of(base, episodes, generator(request.seed, "collect/active/order"))
     features = Features.of(building.input_names(request), residuals.channels)
-    rows = residuals.training_rows(settings.n_train)
+    rows, fit = residuals.training_rows(settings.n_train), building.fit_settings(request)
+    # A fit on the way says where to drive next; the one that counts is fit-gp's.
+    most = min(fit.max_iterations, ON_THE_WAY)
+    quick = replace(fit, restarts=min(fit.restarts, 1), max_iterations=most)
     try:
         gps = fit_outputs(
             features(residuals.inputs[rows]),
             residuals.values[rows],
-            _quick(building.fit_settings(request)),
+            quick,
             generator(request.seed, "collect/active/fit"),
         )
     except ValueError as error:
@@ -103,10 +85,18 @@ DRIVERS = ("source", "random", "dithered", "sweep")
 
 def recipe(request: Request) -> Recipe:
     """The target, the task and who drives; or the logs and how they are read."""
-    if request.config["collect"]["source"] is not None:
-        return _import_recipe(request)
+    section = request.config["collect"]
+    if section["source"] is not None:
+        mapping, changes = _mapping(request), changes_of(section)
+        read = {
+            "mapping": read_mapping(mapping) if mapping is not None else None,
+            "salvage": salvages(section),
+            "changes": changes,
+            "sources": source_digests(_sources(request), mapping, changes),
+        }
+        return Recipe("collect", {"import": read}, {}, {})
     check(request)
-    driver = request.config["collect"]["policy"]
+    driver = section["policy"]
     by_policy = driver not in ("random", "sweep") and not active(request)
     parents = {"policy": train_source.STAGE.need(request.having(variant="source"))} if by_policy else {}
     config = request.section("simulator", "target", "task", "collect")
@@ -134,7 +124,12 @@ def check(request: Request) -> None:
         _check_logs(request)
         return
     target_plant(request.config)
-    _check_sensors(section)
+    if section["transitions"] is not None:
+        positive(section["transitions"], "collect.transitions")
+    if not number(section["noise"], "collect.noise") >= 0:
+        raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
+    if not 0 <= number(section["missing"], "collect.missing") < 1:
+        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
     if active(request):
         active_settings(request)
         building.check_gp(request)
@@ -155,10 +150,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     section: dict[str, Any] = request.config["collect"]
     if section["policy"] == "sweep" and not active(request):
         return run_sweep(request, folder)
-    base = base_plant(request.config)
-    episodes, driver = _driven(request, recipe), ACTIVE
-    if not active(request):
-        driver = section["policy"]
+    base, driver = base_plant(request.config), ACTIVE if active(request) else section["policy"]
+    episodes = _driven(request, recipe)
     sensed, noise = as_sensed(
         first_of(episodes, section["transitions"]),
         base.state,
@@ -173,8 +166,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
     """The episodes, as they truly were."""
-    if active(request):
-        return drive_actively(request)
+    if active(request):  # to where the Gaussian processes of `gp` are least sure
+        settings = active_settings(request)
+        return collect_actively(
+            target_plant(request.config),
+            make_task(request.config).on_target(),
+            lambda episodes: _fitted(request, settings, episodes),
+            settings,
+            generator(request.seed, "collect/active"),
+            request.progress,
+        )
     section = request.config["collect"]
     return collect_episodes(
         target_plant(request.config),
@@ -183,26 +184,6 @@ def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
         positive(section["episodes"], "collect.episodes"),
         generator(request.seed, "collect/episodes"),
     )
-
-
-def _check_sensors(section: Mapping[str, Any]) -> None:
-    if section["transitions"] is not None:
-        positive(section["transitions"], "collect.transitions")
-    if not number(section["noise"], "collect.noise") >= 0:
-        raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
-    if not 0 <= number(section["missing"], "collect.missing") < 1:
-        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
-
-
-def _import_recipe(request: Request) -> Recipe:
-    section, mapping = request.config["collect"], _mapping(request)
-    config = {
-        "mapping": read_mapping(mapping) if mapping is not None else None,
-        "salvage": salvages(section),
-        "changes": changes_of(section),
-        "sources": source_digests(_sources(request), mapping, changes_of(section)),
-    }
-    return Recipe("collect", {"import": config}, {}, {})
 
 
 def _check_logs(request: Request) -> None:

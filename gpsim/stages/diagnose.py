@@ -200,8 +200,17 @@ def _recipe(request: Request, task: Task) -> Recipe:
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
     name = simulator_name(task.simulator, recording, folder)
+    recorded: Json = {"recording": digests_of(task, folder)}
+    if task.together:
+        parts = [(name, part, part.recording) for name, part in task.parts.items()]
+        recorded = {
+            RECORDINGS: [
+                {"name": name, "files": digests_of(part, path if path.is_dir() else path.parent)}
+                for name, part, path in parts
+            ]
+        }
     config: Json = {
-        **_recorded(task, folder),
+        **recorded,
         "simulator": name,
         "simulator_file": files_digest(name),
         "episodes": task.episodes,
@@ -215,19 +224,6 @@ def _recipe(request: Request, task: Task) -> Recipe:
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
-
-
-def _recorded(task: Task, folder: Path) -> Json:
-    """What was recorded, by the digests of its files."""
-    if not task.together:
-        return {"recording": digests_of(task, folder)}
-    places = {name: part.recording for name, part in task.parts.items()}
-    folders = {name: path if path.is_dir() else path.parent for name, path in places.items()}
-    return {
-        RECORDINGS: [
-            {"name": name, "files": digests_of(part, folders[name])} for name, part in task.parts.items()
-        ]
-    }
 
 
 def digests_of(task: Task, folder: Path) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import FloatArray
 from gpsim.environments import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import (
@@ -141,6 +140,19 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     reached = {name: trip.reached[None] for name, trip in trips.items()} or None
     steps = full_return(make_task(request.config))
     by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
+    solved: dict[str, Any] = {}
+    if trips:
+        parts = {
+            part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
+            for part in ("reached", "steps", "path")
+        }
+        solved = success_by_set(AllTrips(**parts, behind=certify.facing_away(request)), by_set)
+    else:
+        solved["own_simulator"] = _promised(request, recipe)
+    safe: dict[str, Any] = {}
+    if safety.safe(request):
+        policy = recipe.parents[str(request.config["deploy"]["policy"])]
+        safe["safe_deployment"] = safety.safe_deployment(request, policy)
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
@@ -151,17 +163,13 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        **(
-            _success(trips, certify.facing_away(request), by_set)
-            if trips
-            else {"own_simulator": _promised(request, recipe)}
-        ),
+        **solved,
         "outside_recording": {
             name: outside_range(evaluate_recording.own_inputs(request, data), training)
             for name, data in visited.items()
         },
         **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
-        **(_deployed_safely(request, recipe) if safety.safe(request) else {}),
+        **safe,
         "one_step": scores["policy"],
         "one_step_random": scores["random"],
         "rollout": rollout,
@@ -176,14 +184,6 @@ def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]
     table = pd.read_csv(artifact.path / "returns.csv", index_col="start")
     certified = table.pop("certified").to_numpy(dtype=np.bool_)
     return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
-
-
-def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, BoolArray]) -> dict[str, Any]:
-    parts = {
-        part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
-        for part in ("reached", "steps", "path")
-    }
-    return success_by_set(AllTrips(**parts, behind=away), sets)
 
 
 def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
@@ -211,11 +211,8 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
-    section, task, target = (
-        request.config["evaluate"],
-        make_task(request.config),
-        target_plant(request.config),
-    )
+    section, task = request.config["evaluate"], make_task(request.config)
+    target = target_plant(request.config)
     rng = generator(request.start_seed, "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
@@ -238,19 +235,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
 
 
 def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
-    task, target, start = (
-        make_task(request.config),
-        target_plant(request.config),
-        certify.evaluation_starts(request),
-    )
-    seed = request.start_seed
-
-    def returns(name: str) -> FloatArray:
+    task, target = make_task(request.config), target_plant(request.config)
+    start, found = certify.evaluation_starts(request), {}
+    for name in policy_names(request):
         act = policy_actor(read_policy(recipe.parents[name].path))
-        # The same noise for every policy: they are compared with one another.
-        return episode_returns(target, task, act, start, generator(seed, "evaluate/returns"))
-
-    return {name: returns(name) for name in policy_names(request)}
+        rng = generator(request.start_seed, "evaluate/returns")  # the same noise for all, which are compared
+        found[name] = episode_returns(target, task, act, start, rng)
+    return found
 
 
 def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
@@ -265,11 +256,6 @@ def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
         on = task.on_target() if name == "Target" else task
         found[name] = float(episode_returns(plants[name], on, act, start, rng).mean())
     return found
-
-
-def _deployed_safely(request: Request, recipe: Recipe) -> dict[str, Any]:
-    policy = recipe.parents[str(request.config["deploy"]["policy"])]
-    return {"safe_deployment": safety.safe_deployment(request, policy)}
 
 
 def notes(artifact: Artifact) -> list[str]:

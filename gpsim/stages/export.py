@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +15,6 @@ from gpsim.evaluation import BETS, Monitor
 from gpsim.files import Json, write_json, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
-from gpsim.policies import Policy
 from gpsim.policies.export import to_onnx
 from gpsim.policies.ros_node import ros_node
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
@@ -116,8 +114,11 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
                 origin["survives"] = survives
             write_json(made / "policy.json", origin)
             if has_node:
+                task = build(GoalReaching, config["task"], "task")
+                goal = (task.evaluation_goal[0], task.evaluation_goal[1])
+                text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor)
                 node = made / NODE
-                node.write_text(_node(policy, rate, config["task"]), encoding="utf-8")
+                node.write_text(text, encoding="utf-8")
                 node.chmod(0o755)
                 notes.append(f"{NODE}: a ROS 1 node that plays it, or a plan; its first lines say how")
             if monitor is not None:
@@ -126,12 +127,6 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return notes
-
-
-def _node(policy: Policy, rate: float, section: Mapping[str, Any]) -> str:
-    task = build(GoalReaching, section, "task")
-    x, y = task.evaluation_goal
-    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps, task.floor)
 
 
 FORMATS = ("mcap", "csv", "parquet")
@@ -211,7 +206,7 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
             f"write; drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
             f"`gpsim train-gp-policy diagnosis={folder}`"
         )
-    if _inside(out, artifact.path):
+    if artifact.path.resolve() in out.resolve().parents:
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
     correction = correction_of(plant, plant.simulator)
     source = {
@@ -227,10 +222,6 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
         *_notes(made, plant.terms == () and not corrected),
         *(f"{said} -> model" for said in corrected),
     ]
-
-
-def _inside(out: Path, folder: Path) -> bool:
-    return folder.resolve() in out.resolve().parents
 
 
 def _notes(made: Exported, nothing: bool) -> list[str]:

@@ -11,13 +11,15 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, disk_errors
+from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
+    FolderLog,
     ImportMapping,
     ImportReport,
     Inspection,
     NamedLog,
     Opener,
+    RawLog,
     Recording,
     bare_mapping,
     changes_of_words,
@@ -37,7 +39,6 @@ from gpsim.recordings import (
 from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
-from gpsim.stages.log_files import digests_read, remembering
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
@@ -298,3 +299,40 @@ def source_digests(
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
     return digests_read(sources, layout, pattern)
+
+
+def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pattern: str) -> dict[str, str]:
+    """sha256 of every file of the logs below the sources that are called by `pattern`, by its name there.
+
+    The same bytes give the same artifact. Of a ROS 2 bag's folder the files are named one by one.
+    """
+    out: dict[str, str] = {}
+    for number, source in enumerate(sources, 1):
+        try:
+            if not source.exists():
+                raise UsageError(f"{source}: no such file or folder")
+            logs: list[Path] = []
+            for found in find_logs([source], layout, pattern, remembering(logs)):
+                logs += found.log.files.values() if isinstance(found.log, FolderLog) else ()
+            files = [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
+        except OSError as error:  # a folder that may not be entered
+            raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
+        for path in files:
+            name = path.relative_to(source).as_posix() if source.is_dir() else path.name
+            out[name if len(sources) == 1 else f"{number}/{name}"] = file_digest(path)
+    return out
+
+
+def remembering(paths: list[Path]) -> Opener:
+    """An opener that opens nothing and notes what it was asked for."""
+
+    def remember(path: Path) -> RawLog:
+        paths.append(path)
+        return FolderLog({}, remember)
+
+    return remember
+
+
+def _storage_of(bag: Path) -> list[Path]:
+    stored = (p for p in bag.iterdir() if p.name == "metadata.yaml" or {".db3", ".mcap"} & set(p.suffixes))
+    return sorted(path for path in stored if path.is_file())

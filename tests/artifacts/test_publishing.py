@@ -148,14 +148,14 @@ def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store,
 
 def test_a_checkout_tells_its_commit(monkeypatch, tmp_path):
     """Looked for where the code lies, whatever folder a command runs in; nothing outside a checkout of gpsim."""
-    from gpsim.artifacts import git_commit, provenance
+    from gpsim.artifacts import git_commit, store
 
-    root = Path(provenance.__file__).resolve().parents[2]
+    root = Path(store.__file__).resolve().parents[2]
     known = subprocess.run(
         ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
     expected = known.stdout.strip() if (root / ".git").exists() and known.returncode == 0 else None
     assert git_commit() == expected
     assert (root / "pyproject.toml").exists() or expected is None
-    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "gpsim/artifacts/provenance.py"))
+    monkeypatch.setattr(store, "__file__", str(tmp_path / "gpsim/artifacts/store.py"))
     assert git_commit.__wrapped__() is None  # it is asked once a process
