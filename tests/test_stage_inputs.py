@@ -10,15 +10,13 @@ import pytest
 from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis, made_remainder
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.corrected.effects_plant import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.findings import RemainderGp
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_recording
-from gpsim.recordings.export import Topics
 from gpsim.simulators import make_simulator, source_file
 from gpsim.stages import (
     building,
@@ -28,14 +26,13 @@ from gpsim.stages import (
     evaluate,
     fit_gp,
     report,
-    sweep,
     train_gp_policy,
     train_source,
 )
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import read_corrected
-from gpsim.stages.evaluate_recording import judged_episodes
+from gpsim.stages.safety import judged_episodes
 from gpsim.stages.stage import Request
 
 
@@ -183,18 +180,13 @@ def test_evaluate_warns_where_the_recording_covers_too_little(tmp_path: Path):
     assert evaluate.notes(made)[0].startswith("warning: 50 % of what the deployed GP policy visits")
 
 
-def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
-    """The same artifacts below another folder or with other numbers: the same page."""
-    made = []
-    for words, version in (
-        (("gp=raw", "runs_dir=a"), "v0001"),
-        (("gp=raw", "runs_dir=b", "seed=0"), "v0007"),
-    ):
-        asked = Request(resolve(list(words), None), words)
-        artifact = Artifact(tmp_path / version, {"stage": "fit-gp"}, "ab" * 32)
-        made.append((report._command(asked, (0, 1)), report._made_by("fit-gp", 0, artifact)))
-    assert made[0] == made[1]
-    assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"
+def test_the_page_does_not_know_where_its_artifacts_lie():
+    """The same artifacts below another folder: the same command on the page."""
+    asked = [
+        Request(resolve(list(w), None), w)
+        for w in (("gp=raw", "runs_dir=a"), ("gp=raw", "runs_dir=b", "seed=0"))
+    ]
+    assert {report.command_of(one, (0, 1)) for one in asked} == {"gpsim run full-loop gp=raw --seeds 2"}
 
 
 @pytest.mark.usefixtures("own_files")
@@ -223,36 +215,13 @@ def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_
     assert "\n" not in str(caught.value)
 
 
-class StoppedError(Exception):
-    pass
-
-
-@pytest.mark.parametrize(("driver", "draws"), [("driver", True), (evaluate.DEPLOYED, False)])
-def test_what_a_deployed_policy_visits_is_what_it_visits_deployed(monkeypatch, tmp_path, driver, draws):
-    """Its most probable action, as in layer 3; the first policy draws, as it did while it was recorded."""
-    seen = []
-
-    def actor(policy, rng=None):
-        seen.append(rng)
-        raise StoppedError
-
-    monkeypatch.setattr(evaluate, "read_policy", lambda folder: None)
-    monkeypatch.setattr(evaluate, "policy_actor", actor)
-    parents = {driver: Artifact(tmp_path, {}, "")}
-    with pytest.raises(StoppedError):
-        evaluate._visit(request(), Recipe("evaluate", {}, parents, {}), driver)
-    assert [rng is not None for rng in seen] == [draws]
-
-
 def test_a_sweep_is_logged_where_its_mapping_will_look():
     moved = [f"state.{channel}.topic=/robot/pose" for channel in ("x", "y", "yaw")]
     plain = resolve(["experiment=limo"], None)
-    assert sweep._topics(plain) == Topics()
-    changed = {**plain, "collect": {**plain["collect"], "changes": moved}}
-    assert sweep._topics(changed) == Topics(pose="/robot/pose")
-    changed["collect"]["changes"] = moved[:1]
+    for changes in ([], moved):
+        collect.check(Request({**plain, "collect": {**plain["collect"], "changes": changes}}))
     with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
-        collect.check(Request(changed))
+        collect.check(Request({**plain, "collect": {**plain["collect"], "changes": moved[:1]}}))
 
 
 def test_a_sweep_without_a_mapping_is_refused_before_it_is_driven():

@@ -25,7 +25,6 @@ __all__ = [
     "report",
     "runs",
     "stage",
-    "sweep",
     "train_gp_policy",
     "try_effect",
     "watch",

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from safetensors.numpy import load_file
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
@@ -101,11 +100,6 @@ def notes(artifact: Artifact) -> list[str]:
     return lines
 
 
-def read_certified(artifact: Artifact) -> BoolArray:
-    """(N,) True on certified starts."""
-    return pd.read_csv(artifact.path / "certified.csv")["certified"].to_numpy(dtype=np.bool_)
-
-
 STAGE = Stage("certify", recipe, write, notes, format=1)
 
 
@@ -166,13 +160,6 @@ def drive_all(
     return trips
 
 
-def facing_away(request: Request) -> BoolArray:
-    """(N,): evaluation starts that face away from the goal."""
-    task = goal_task(request)
-    assert task is not None
-    return behind(task, evaluation_starts(request))
-
-
 def read_trips(artifact: Artifact) -> tuple[dict[str, dict[str, np.ndarray]], BoolArray]:
     """Part (reached, steps, path) -> policy -> (N,), and which starts face away from the goal (N,)."""
     table = pd.read_csv(artifact.path / TRIPS)
@@ -184,11 +171,6 @@ def read_trips(artifact: Artifact) -> tuple[dict[str, dict[str, np.ndarray]], Bo
             found[part][str(name)] = rows[part].to_numpy(dtype=kind)
         away = rows["behind"].to_numpy(dtype=np.bool_)
     return found, away
-
-
-def read_paths(artifact: Artifact) -> dict[str, FloatArray]:
-    """Goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3)."""
-    return dict(load_file(artifact.path / PATHS))
 
 
 def what_is_open(request: Request, recipe: Recipe) -> PosteriorPlant:

@@ -2,29 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from gpsim.artifacts import Recipe
+from gpsim.channels import FloatArray
 from gpsim.corrected import CorrectedPlant, Features, GpCorrection
 from gpsim.environments import (
     Act,
     ActiveSettings,
     Model,
+    Sweep,
     as_sensed,
     collect_actively,
     collect_episodes,
     dithered_actor,
+    drive_plan,
     first_of,
     policy_actor,
     random_actor,
 )
 from gpsim.errors import UsageError
-from gpsim.files import Json
+from gpsim.files import Json, written_whole
 from gpsim.gp import Predictor, fit_outputs
-from gpsim.recordings import Episode, write_recording
+from gpsim.recordings import ChannelSource, Episode, parse_mapping, write_recording
+from gpsim.recordings.export import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.settings import build, choice, number, positive
 from gpsim.stages import building, train_source
 from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
@@ -32,14 +39,17 @@ from gpsim.stages.import_log import (
     changes_of,
     logs_of,
     read_configured,
+    read_logs,
     read_mapping,
+    resolved_mapping,
     salvages,
     source_digests,
     write_import,
 )
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import check_sweep, run_sweep, sweep_mapping
+from gpsim.targets import Limo
+from gpsim.tasks import GoalReaching
 
 ACTIVE = "active"
 ON_THE_WAY = 60  # iterations of a fit
@@ -80,6 +90,7 @@ def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episo
     return Model(plant, predictor, features)
 
 
+ROS1_BAG, ROS2_BAG, PLAN = Path("bags/drive.bag"), Path("bags/drive_ros2"), "plan.csv"
 DRIVERS = ("source", "random", "dithered", "sweep")
 
 
@@ -121,7 +132,13 @@ def check(request: Request) -> None:
     section = request.config["collect"]
     changes_of(section), salvages(section)
     if section["source"] is not None:
-        _check_logs(request)
+        if (mapping := _mapping(request)) is not None:
+            read_mapping(mapping)
+        for source in _sources(request):
+            try:
+                source.stat()
+            except OSError as error:
+                raise UsageError(f"collect.source: {source}: cannot be read ({error.strerror})") from error
         return
     target_plant(request.config)
     if section["transitions"] is not None:
@@ -134,7 +151,7 @@ def check(request: Request) -> None:
         active_settings(request)
         building.check_gp(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
-        check_sweep(request.config)
+        _commands(request.config), _car_and_topics(request.config)
     else:
         positive(section["episodes"], "collect.episodes")
         if not 0 <= number(section["dither"], "collect.dither") <= 1:
@@ -186,17 +203,6 @@ def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
     )
 
 
-def _check_logs(request: Request) -> None:
-    mapping = _mapping(request)
-    if mapping is not None:
-        read_mapping(mapping)
-    for source in _sources(request):
-        try:
-            source.stat()
-        except OSError as error:
-            raise UsageError(f"collect.source: {source}: cannot be read ({error.strerror})") from error
-
-
 def _sources(request: Request) -> list[Path]:
     return logs_of(request.config["collect"]["source"], "collect.source")
 
@@ -215,6 +221,90 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     if section["policy"] == "source":
         return actor
     return dithered_actor(actor, task, float(section["dither"]), rng)
+
+
+def plan_table(config: Mapping[str, Any]) -> pd.DataFrame:
+    """One row a control step: t [s] and the commanded channels, in the order in which a robot plays them."""
+    (_, plan), base = _commands(config), base_plant(config)
+    columns = {name: plan[:, i] for i, name in enumerate(base.action.names)}
+    return pd.DataFrame({"t": np.round(base.dt * np.arange(len(plan)), 9)} | columns)
+
+
+def write_plan(config: Mapping[str, Any], path: Path) -> int:
+    """Write the plan to a new CSV file; returns the number of its rows."""
+    if path.exists():
+        raise UsageError(f"--plan {path}: exists already; choose another file")
+    table = plan_table(config)
+    try:
+        with written_whole(path) as made:
+            table.to_csv(made, index=False, lineterminator="\n")
+    except OSError as error:
+        raise UsageError(f"--plan {path}: cannot be written: {error.strerror or error}") from error
+    return len(table)
+
+
+def run_sweep(request: Request, folder: Path) -> Json:
+    """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
+    task, commands = _commands(request.config)
+    target, topics = _car_and_topics(request.config)
+    log, returns = drive_plan(target, commands, task.floor, generator(request.seed, "collect/episodes"))
+    plan_table(request.config).to_csv(folder / PLAN, index=False, lineterminator="\n")
+    (folder / ROS1_BAG).parent.mkdir()
+    write_ros1_bag(folder / ROS1_BAG, log, topics)
+    write_ros2_bag(folder / ROS2_BAG, log, topics)
+    changes = changes_of(request.config["collect"])
+    recording, report, _ = read_logs([folder / ROS1_BAG], sweep_mapping(request.config), changes)
+    write_import(recording, report, folder)
+    return {"transitions": recording.transition_count, "put_back": returns}
+
+
+def sweep_mapping(config: Mapping[str, Any]) -> str:
+    """The mapping through which a sweep's bag is read, by name or file; raises UsageError where there is none."""
+    mapping = config["collect"]["mapping"]
+    if mapping is None:
+        raise UsageError(
+            "collect.policy=sweep: name the mapping that reads its bag: collect.mapping=limo_optitrack"
+        )
+    return str(mapping)
+
+
+def _commands(config: Mapping[str, Any]) -> tuple[GoalReaching, FloatArray]:
+    """The task, whose bounds of speed and turn rate a sweep needs, and the commands."""
+    task, section = make_task(config), config["collect"]
+    if not isinstance(task, GoalReaching):
+        raise UsageError(
+            "a sweep needs the bounds of speed and turn rate that the Limo's task has: choose experiment=limo"
+        )
+    if "speeds" not in section:
+        raise UsageError("collect: no sweep is configured; choose experiment=limo")
+    sweep = Sweep(*(positive(section[key], f"collect.{key}") for key in ("speeds", "turns", "hold")))
+    low, high = np.array([task.speed, task.turn], dtype=np.float64).T
+    return task, sweep.commands(low, high)
+
+
+def _car_and_topics(config: Mapping[str, Any]) -> tuple[Limo, Topics]:
+    """What is driven, and the topics that the mapping with its changes will look for: of commands and of poses."""
+    target, base = target_plant(config), base_plant(config)
+    if not isinstance(target, Limo):
+        raise UsageError(
+            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
+        )
+    name = sweep_mapping(config)
+    plan = parse_mapping(resolved_mapping(name, changes_of(config["collect"])), f"mapping {name}")
+    command = _one_topic(name, plan.action, base.action.names)
+    return target, Topics(command=command, pose=_one_topic(name, plan.state, base.state.names))
+
+
+def _one_topic(mapping: str, sources: Sequence[ChannelSource], wanted: tuple[str, ...]) -> str:
+    channels, topics = [source.channel.name for source in sources], {source.topic for source in sources}
+    topic = next(iter(topics), None)
+    if channels != list(wanted) or len(topics) != 1 or topic is None:
+        said = ", ".join(f"{source.channel.name} (topic {source.topic})" for source in sources)
+        raise UsageError(
+            f"collect.mapping={mapping}: a sweep's bag holds {', '.join(wanted)} under one topic, the mapping looks "
+            f"for {said}; choose collect.mapping=limo_optitrack, or the same topic for all of them (collect.changes)"
+        )
+    return topic
 
 
 STAGE = Stage("collect", recipe, write, format=1)

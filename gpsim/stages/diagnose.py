@@ -68,11 +68,6 @@ class Task:
         return bring([*installed(), *chain.from_iterable(map(read_effects, self.effects))])
 
 
-def make(request: Request, task: Task) -> tuple[Artifact, bool]:
-    """Diagnose a recording; the artifact, and whether it existed already."""
-    return stage_for(task).make(request)
-
-
 def stage_for(task: Task) -> Stage:
     """The stage for one recording and simulator."""
     return stage_about("diagnose", _recipe, _write, task, format=FORMAT, code=SOURCES)

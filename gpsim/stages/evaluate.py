@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,31 +11,40 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, arrived_inputs
+from gpsim.diagnosis.assessment import replayed
+from gpsim.diagnosis.data import rebased
 from gpsim.environments import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import (
+    WARM_UP,
     AllTrips,
+    OneStep,
     Trips,
+    behind,
     compare,
     coverage_warnings,
     episode_returns,
     outside_range,
+    replay,
     robustness_lines,
     roll_out,
     start_sets,
     success_by_set,
     summarise_all,
+    windows_of,
 )
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.residuals import Residuals
+from gpsim.recordings import Recording, read_recording
+from gpsim.residuals import Residuals, either_wraps, holding_out
 from gpsim.settings import positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
+    building,
     certify,
     evaluate_deployed,
-    evaluate_recording,
     fit_gp,
     safety,
     train_gp_policy,
@@ -87,7 +98,7 @@ def recipe(request: Request) -> Recipe:
         return evaluate_deployed.recipe(request)
     check(request)
     if not drivable(request.config):
-        return evaluate_recording.recipe(request, with_effects=needs_diagnosis(request))
+        return _judged_recipe(request, needs_diagnosis(request))
     parents = {
         "residuals": build_residuals_stage.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
@@ -114,16 +125,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     if request.config["deployed"] is not None:
         return evaluate_deployed.write(request, recipe, folder)
     if not drivable(request.config):
-        return evaluate_recording.write(request, recipe, folder)
+        return _write_judged(request, recipe, folder)
     request.progress(0, 3, "one step")
     drivers = {"policy": "driver", "random": None} | (
         {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
     )
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
     gp = recipe.parents["gp"].path
-    scores = {name: evaluate_recording.scores(request, gp, visited[name]) for name in ("policy", "random")}
+    scores = {name: _scores(request, gp, visited[name]) for name in ("policy", "random")}
     residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    training = evaluate_recording.training_inputs(request, residuals)
+    training = _own_inputs(request, residuals)[fit_gp.rows_of(request, residuals)]
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
@@ -133,7 +144,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             request, recipe, folder, policy_names(request), _training_plants(request, recipe)
         )
     returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
-    certified = certify.read_certified(recipe.parents["certified"])
+    table = pd.read_csv(recipe.parents["certified"].path / "certified.csv")
+    certified = table["certified"].to_numpy(dtype=np.bool_)
     pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
@@ -141,12 +153,14 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     steps = full_return(make_task(request.config))
     by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
     solved: dict[str, Any] = {}
-    if trips:
+    task = certify.goal_task(request)
+    if task is not None:
+        away = behind(task, certify.evaluation_starts(request))  # which starts face away from the goal
         parts = {
             part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
             for part in ("reached", "steps", "path")
         }
-        solved = success_by_set(AllTrips(**parts, behind=certify.facing_away(request)), by_set)
+        solved = success_by_set(AllTrips(**parts, behind=away), by_set)
     else:
         solved["own_simulator"] = _promised(request, recipe)
     safe: dict[str, Any] = {}
@@ -165,8 +179,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
         **solved,
         "outside_recording": {
-            name: outside_range(evaluate_recording.own_inputs(request, data), training)
-            for name, data in visited.items()
+            name: outside_range(_own_inputs(request, data), training) for name, data in visited.items()
         },
         **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
         **safe,
@@ -271,6 +284,122 @@ def notes(artifact: Artifact) -> list[str]:
     if "safe_deployment" in evaluation:
         said += safety.safety_lines(evaluation["safe_deployment"])
     return [*said, *(f"warning: {text}" for text in warnings)]
+
+
+EVERY = slice(None)
+
+
+def _scores(
+    request: Request, gp_folder: Path, data: Residuals, rows: BoolArray | slice = EVERY
+) -> dict[str, Any]:
+    """Rate to the scores of mean and sample on `rows` of the transitions; commands arrive from the ones before, too."""
+    plant = train_gp_policy.corrected_plant(request, gp_folder)
+    correction = plant.correction
+    assert isinstance(correction, GpCorrection)
+    inputs, late = arrived_inputs(plant, data)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs[rows]))
+    result = OneStep(
+        data.values[rows],
+        mean + late[rows],
+        variance,
+        correction.predictor.noise_variances,
+        data.episode[rows],
+    )
+    rng = generator(request.start_seed, "evaluate/one-step/sample")
+    return {
+        name: result.scores(i, rng, sample_noise=correction.sample_noise)
+        for i, name in enumerate(data.rate.names)
+    }
+
+
+def _own_inputs(request: Request, data: Residuals) -> FloatArray:
+    """(N, D): the GPs' inputs of transitions."""
+    return Features.of(building.input_names(request), data.channels)(data.inputs)
+
+
+WHY = (
+    "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
+    "the robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
+)
+
+
+def _judged_recipe(request: Request, with_effects: bool) -> Recipe:
+    """The simulator and what corrects it; the policies are for the robot, not for this."""
+    parents = {"residuals": build_residuals_stage.STAGE.need(request), "gp": fit_gp.STAGE.need(request)}
+    if with_effects:
+        parents["diagnosis"] = find_diagnosis(request)
+    config = request.section("simulator", "target", "evaluate", "sample_noise", "gp")
+    return Recipe("evaluate", config, parents, {"seed": request.seed})
+
+
+def _write_judged(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write evaluation.json and rollouts.safetensors."""
+    data = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    held_out = bool(data.test.any())
+    judged = data.take(data.test) if held_out else data
+    request.progress(0, 2, "one step")
+    one_step = _scores(request, recipe.parents["gp"].path, data, data.test if held_out else EVERY)
+    request.progress(1, 2, "rollouts")
+    evaluation = {
+        "experiment": request.config["experiment"],
+        "seed": request.seed,
+        "seeds": [request.seed],
+        "judged_on": "held-out episodes"
+        if held_out
+        else "the training episodes: the recording holds nothing out",
+        "not_driven": WHY,
+        "one_step": one_step,
+        "rollout": _replayed_rollouts(request, recipe, judged, folder),
+    }
+    write_json(folder / "evaluation.json", plain(evaluation))
+    request.progress(2, 2, "done")
+    return {}
+
+
+def _replayed_rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
+    section, base = request.config["evaluate"], base_plant(request.config)
+    recording = read_recording(build_residuals_stage.recording_folder(request))
+    numbers = np.unique(judged.episode).tolist()
+    windows = windows_of(
+        safety.judged_episodes(holding_out(recording, build_residuals_stage.check(request)), numbers),
+        positive(section["rollout_steps"], "evaluate.rollout_steps"),
+        positive(section["rollouts"], "evaluate.rollouts"),
+        dt=recording.dt,
+        state=recording.state,
+    )
+    channels = either_wraps(base.state, recording.state)
+    rng = generator(request.start_seed, "evaluate/rollouts")
+    steps = windows.recorded.shape[1] - 1
+    found: dict[str, Any] = {
+        "horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt, "warm_up_s": WARM_UP * base.dt,
+    }  # fmt: skip
+    paths = {"Target": windows.recorded}
+    for name, plant in train_gp_policy.simulators_of(
+        request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
+    ).items():
+        if isinstance(plant, EffectsPlant):
+            places = [(numbers[i], t) for i, t in zip(windows.episode, windows.t, strict=True)]
+            paths[name] = _replayed(plant, recording, places, steps, recipe.parents["diagnosis"])
+        else:
+            paths[name] = replay(plant, windows, rng)
+        found[name] = compare(paths[name], windows.recorded, channels)
+    write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
+    return found
+
+
+def _replayed(
+    plant: EffectsPlant,
+    recording: Recording,
+    places: Sequence[tuple[int, float]],
+    steps: int,
+    diagnosis: Artifact,
+) -> FloatArray:
+    """Rollouts that begin in these episodes at these moments, on the clock that the diagnosis looked at."""
+    diagnosed = diagnosis.manifest["config"].get("episodes")
+    _, origin = rebased(replace(recording, episodes=recording.episodes[:diagnosed], held_out=None))
+    samples = [(i, int(np.searchsorted(recording.episodes[i].t, t))) for i, t in places]
+    moved = tuple(replace(episode, t=episode.t - origin) for episode in recording.episodes)
+    return replayed(plant, replace(recording, episodes=moved), samples, steps)
 
 
 STAGE = Stage("evaluate", recipe, write, notes, format=2)

@@ -31,13 +31,8 @@ SCHEMA = "gpsim.monitor/1"
 POSE, TWIST = ("x", "y", "yaw"), ("v_cmd", "w_cmd")
 
 
-def monitor_facts(request: Request) -> dict[str, Any]:
-    """The monitor as configured; raises UsageError for one that a node cannot predict with."""
-    return facts_of(safety.monitor_of(request, "export"))
-
-
 def facts_of(monitor: Monitor) -> dict[str, Any]:
-    """The predictor and what is usual; raises UsageError as above."""
+    """The predictor and what is usual; raises UsageError for a monitor that a node cannot predict with."""
     plant, usual = monitor.plant, monitor.usual
     if (plant.state.names, plant.action.names) != (POSE, TWIST):
         raise UsageError(
@@ -98,7 +93,7 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
         raise UsageError(
             f"--monitor: {path} has no ROS node that could carry one: it drives no vehicle to a goal"
         )
-    monitor = None if watched is None else monitor_facts(watched)
+    monitor = None if watched is None else facts_of(safety.monitor_of(watched, "export"))
     rate = 1.0 / float(config["simulator"]["dt"])
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"

@@ -18,7 +18,7 @@ from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.reports.gp_figures import residual_slices
 from gpsim.reports.loop_page import render
-from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
+from gpsim.reports.loop_report import LoopReport, MadeBy, TripReport
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
@@ -61,10 +61,10 @@ def made(request: Request, seeds: tuple[int, ...]) -> tuple[Artifact, LoopReport
 def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
     parents = {
         f"{role}/{seed}" if seed is not None else role: artifact
-        for role, seed, artifact in _artifacts(request, seeds)
+        for role, seed, artifact in artifacts_of(request, seeds)
     }
     # The page prints the command: what is printed is part of what it is made from.
-    config = {**_settings(request), "command": _command(request, seeds)}
+    config = {**settings_of(request), "command": command_of(request, seeds)}
     return Recipe("report", config, parents, {"seeds": list(seeds)})
 
 
@@ -101,6 +101,9 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         "theta": request.config["task"].get("angle_limit"),
         "x": request.config["task"].get("position_limit"),
     }
+    residuals = build_residuals.read_residuals(build_residuals.STAGE.need(first))
+    correction = train_gp_policy.corrected_plant(first, fit_gp.STAGE.need(first).path).correction
+    assert isinstance(correction, GpCorrection)
     return LoopReport(
         experiment=experiment,
         seeds=seeds,
@@ -121,8 +124,8 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         )
         if getattr(training, "expert_rounds", 0)
         else {},
-        slices=_slices(first),
-        named=_named(requests) if train_gp_policy.needs_diagnosis(request) else {},
+        slices=residual_slices(residuals, correction, fit_gp.rows_of(first, residuals)),
+        named=told_by_diagnoses(requests) if train_gp_policy.needs_diagnosis(request) else {},
         given=_given(request),
         fits={seed: read_object(fit_gp.STAGE.need(r).path / "fit.json") for seed, r in requests.items()},
         outside={
@@ -136,12 +139,12 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         dt=base.dt,
         units=base.state.units | base.simulator.rate.units,
         limits={channel: float(value) for channel, value in limits.items() if value is not None},
-        settings=_settings(request),
+        settings=settings_of(request),
         artifacts=[
             MadeBy(made.stage, role, made.digest, seed, made.manifest)
-            for role, seed, made in _artifacts(request, seeds)
+            for role, seed, made in artifacts_of(request, seeds)
         ],
-        command=_command(request, seeds),
+        command=command_of(request, seeds),
     )
 
 
@@ -182,7 +185,9 @@ def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
     return TripReport(
         **parts,
         behind=read[0][1],
-        paths=certify.read_paths(evaluated[0]),
+        paths=dict(
+            load_file(evaluated[0].path / certify.PATHS)
+        ),  # of the goal, on the target, in the simulator
         goal_radius=task.goal_radius,
         arena=task.arena,
         floor=task.floor,
@@ -194,14 +199,14 @@ def _given(request: Request) -> tuple[str, ...]:
     return tuple(name for name in GIVEN if request.config[name] is not None)
 
 
-def _settings(request: Request) -> Json:
+def settings_of(request: Request) -> Json:
     """The configuration that decided something: a recording that is given was not collected."""
     given = _given(request)
     names = [name for name in SETTINGS if name != "collect" or "recording" not in given]
     return request.section(*names, *given)
 
 
-def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
+def artifacts_of(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
     """(role, seed, artifact) of everything that the report rests on; None where the seeds share it."""
     found: list[tuple[str, int | None, Artifact]] = []
     given, with_effects = _given(request), train_gp_policy.needs_diagnosis(request)
@@ -231,20 +236,13 @@ def _column(table: pd.DataFrame, name: str) -> FloatArray:
     return table[name].to_numpy(dtype=np.float64)
 
 
-def _slices(request: Request) -> Mapping[str, ResidualSlice]:
-    residuals = build_residuals.read_residuals(build_residuals.STAGE.need(request))
-    correction = train_gp_policy.corrected_plant(request, fit_gp.STAGE.need(request).path).correction
-    assert isinstance(correction, GpCorrection)
-    return residual_slices(residuals, correction, fit_gp.rows_of(request, residuals))
-
-
-def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
+def told_by_diagnoses(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
     found = {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
     given = [seed for seed, request in requests.items() if request.config["diagnosis"] is not None]
     return {seed: said for seed, said in found.items() if seed not in given[1:]}  # one for all of them
 
 
-def _command(request: Request, seeds: tuple[int, ...]) -> str:
+def command_of(request: Request, seeds: tuple[int, ...]) -> str:
     """What makes the report again, wherever its artifacts lie."""
     given = [
         word

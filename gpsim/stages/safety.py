@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,13 @@ from gpsim.evaluation import (
     drive,
     usual_errors,
 )
-from gpsim.recordings import Recording, gaps, read_recording
+from gpsim.recordings import Episode, Recording, gaps, read_recording
 from gpsim.residuals import either_wraps, first_held_out, holding_out
 from gpsim.settings import build, choice, number, positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals, fit_gp
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.evaluate_recording import judged_episodes
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, generator
 from gpsim.stages.train_gp_policy import CORRECTIONS, corrected_plant, effects_plant
@@ -107,6 +107,23 @@ def _by_gp(request: Request) -> bool:
     if said is not None:
         choice(said, CORRECTIONS, "correction")
     return said == "gp" or (said is None and request.config["diagnosis"] is None)
+
+
+def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
+    """What is held out of these episodes; whole ones where nothing is held out of them."""
+    held, out = first_held_out(recording), []
+    for episode, begins in ((recording.episodes[i], int(held[i])) for i in numbers):
+        first = begins if begins < len(episode.t) else 0
+        if first < len(episode):
+            out.append(
+                replace(
+                    episode,
+                    t=episode.t[first:],
+                    states=episode.states[first:],
+                    actions=episode.actions[first:],
+                )
+            )
+    return out
 
 
 def usual_of(request: Request, plant: Plant) -> Usual:

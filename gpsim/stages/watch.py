@@ -149,7 +149,9 @@ class Watch:
         empty = self.what.is_dir() and not any(self.what.iterdir())
         found = {} if empty else recordings_in([self.what], self.name)
         for name, path in sorted(found.items(), key=lambda item: (item[1].stat().st_mtime, item[0])):
-            digest = _digest(path)
+            tables = (path / name for name in ("recording.csv", "recording.parquet"))
+            table = next(filter(Path.is_file, tables), None) if path.is_dir() else path
+            digest = "" if table is None else file_digest(table)
             if self.seen.get(name) == digest:
                 continue
             said = self._looked(name, path, digest)
@@ -206,11 +208,3 @@ def watched(watch: Watch, once: bool, wait: Callable[[float], None] = time.sleep
         if once:
             return
         wait(WAIT)
-
-
-def _digest(path: Path) -> str:
-    """Of a recording's table."""
-    if not path.is_dir():
-        return file_digest(path)
-    table = next((path / n for n in ("recording.csv", "recording.parquet") if (path / n).is_file()), None)
-    return file_digest(table) if table is not None else ""

@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 from writers import recipe, write
 
-from gpsim.artifacts.artifact import read_artifact
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Store, read_artifact
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
 
@@ -50,7 +49,7 @@ def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):
     """On a file size limit the kernel itself refuses to write on."""
     code = (
         "import resource, signal, sys; from pathlib import Path\n"
-        "from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store; from gpsim.errors import UsageError\n"
+        "from gpsim.artifacts import Recipe, Store; from gpsim.errors import UsageError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "store = Store(Path(sys.argv[1]), 'cartpole')\n"
         "store.publish(Recipe('s', {'n': 1}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(5000)) and None)\n"

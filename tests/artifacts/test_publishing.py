@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from writers import recipe, write
 
-from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, Store, folder_digests, read_artifact
 from gpsim.errors import UsageError
 
 
@@ -121,7 +120,7 @@ def half_made(shelf: Path) -> list[str]:
 def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store, monkeypatch):
     """By a lock, not by the number of a process: another container's may be anybody's here."""
     code = (
-        "import sys, time; from pathlib import Path; from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store\n"
+        "import sys, time; from pathlib import Path; from gpsim.artifacts import Recipe, Store\n"
         "def slow(folder):\n    (folder / 'a').write_text('a'); print('begun', flush=True); time.sleep(60)\n"
         "Store(Path(sys.argv[1]), 'cartpole').publish(Recipe('fit-gp', {'n': 9}, {}, {}), slow)\n"
     )
