@@ -237,9 +237,10 @@ def _column(table: pd.DataFrame, name: str) -> FloatArray:
 
 
 def told_by_diagnoses(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
+    """Of each seed what its diagnosis names; one that was given for all of them is told once."""
     found = {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
     given = [seed for seed, request in requests.items() if request.config["diagnosis"] is not None]
-    return {seed: said for seed, said in found.items() if seed not in given[1:]}  # one for all of them
+    return {seed: said for seed, said in found.items() if seed not in given[1:]}
 
 
 def command_of(request: Request, seeds: tuple[int, ...]) -> str:
