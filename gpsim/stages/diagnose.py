@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Recipe, read_artifact
+from gpsim.artifacts import Recipe, read_artifact
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
@@ -111,7 +111,15 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
             f"{folder}: corrects {name}, which only the Python program knows that made it: load it there, as "
             "gpsim.Diagnosis.load(DIR, simulator)"
         )
-    _check_file(artifact, name)
+    # A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's.
+    source, diagnosed = source_file(name), artifact.manifest["config"].get("simulator_file")
+    missing = source is not None and not source.is_file()  # which open_simulator refuses
+    if diagnosed is not None and not missing and files_digest(name) != diagnosed:
+        changed = source or f"{name}, or what it includes,"
+        raise UsageError(
+            f"{artifact.path}: corrects the simulator {name} as its file was then, {changed} has changed since: "
+            "diagnose the recording again, or bring that file back"
+        )
     bring(again(content.get("effects", {}), str(folder)))
     return plant_of(
         content,
@@ -120,23 +128,18 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     )
 
 
-def _check_file(artifact: Artifact, simulator: str) -> None:
-    """A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's."""
-    source, diagnosed = source_file(simulator), artifact.manifest["config"].get("simulator_file")
-    if diagnosed is None or (source is not None and not source.is_file()):  # which open_simulator refuses
-        return
-    if files_digest(simulator) != diagnosed:
-        changed = source or f"{simulator}, or what it includes,"
-        raise UsageError(
-            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {changed} has changed since: "
-            "diagnose the recording again, or bring that file back"
-        )
-
-
 def open_recording(task: Task) -> tuple[Recording, Simulator]:
     """The recording and the simulator it is compared with; a bare CSV takes the simulator's channels and defaults."""
-    if task.together:
-        return _together(task)
+    if task.together:  # as one, and the simulator must be the same file for all of them
+        opened = {name: open_recording(part) for name, part in task.parts.items()}
+        (first, (_, simulator)), *others = opened.items()
+        for name, (_, other) in others:
+            if files_digest(other.name) != files_digest(simulator.name):
+                raise UsageError(
+                    f"{first} and {name} are of different models ({simulator.name} and {other.name}): several "
+                    "recordings are judged together against one; name it with --simulator, or judge each with --each"
+                )
+        return joined([recording for recording, _ in opened.values()], list(opened)), simulator
     path = task.recording
     if not path.exists():
         raise UsageError(
@@ -155,24 +158,10 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 
 
-def _together(task: Task) -> tuple[Recording, Simulator]:
-    """Several recordings as one, and the simulator, which must be the same file for all of them."""
-    opened = {name: open_recording(part) for name, part in task.parts.items()}
-    (first, (_, simulator)), *others = opened.items()
-    for name, (_, other) in others:
-        if files_digest(other.name) != files_digest(simulator.name):
-            raise UsageError(
-                f"{first} and {name} are of different models ({simulator.name} and {other.name}): several recordings "
-                "are judged together against one; name it with --simulator, or judge each with --each"
-            )
-    return joined([recording for recording, _ in opened.values()], list(opened)), simulator
-
-
 def _held_apart(recording: Recording, task: Task) -> Recording:
-    """The recording, with as much held out as where the diagnosis is compared with others, if that is something."""
-    if not task.test_fraction or task.episodes is not None:
-        return recording
-    return holding_out(recording, task.test_fraction)
+    """With as much held out as where the diagnosis is compared with others, if that is something."""
+    apart = bool(task.test_fraction) and task.episodes is None
+    return holding_out(recording, task.test_fraction or 0.0) if apart else recording
 
 
 def _first(recording: Recording, episodes: int | None) -> Recording:

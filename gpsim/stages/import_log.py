@@ -203,7 +203,19 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
 
 def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, ...]:
     """The mappings that come with gpsim and find all they want in a source, whose first log is `first`."""
-    return tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+    found = []
+    for name in mapping_names():
+        plan, topics = parse_mapping(read_mapping(name), f"mapping {name}"), first.log.topics()
+        if plan.layout == "folder":
+            if not source.is_dir():
+                continue
+            try:
+                topics = find_logs([source], "folder", plan.files, opener)[0].log.topics()
+            except UsageError:  # no tables of these names
+                continue
+        if finds_all(plan, topics):
+            found.append(name)
+    return tuple(found)
 
 
 def holds_logs(folder: Path) -> bool:
@@ -211,19 +223,6 @@ def holds_logs(folder: Path) -> bool:
     try:
         return bool(find_logs([folder], "files", "*", remembering([])))
     except UsageError:
-        return False
-
-
-def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
-    """Whether a mapping that comes with gpsim finds all it wants."""
-    plan = parse_mapping(read_mapping(name), f"mapping {name}")
-    if plan.layout == "files":
-        return finds_all(plan, first.log.topics())
-    try:
-        return source.is_dir() and finds_all(
-            plan, find_logs([source], "folder", plan.files, opener)[0].log.topics()
-        )
-    except UsageError:  # no tables of these names
         return False
 
 
@@ -314,7 +313,11 @@ def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pa
             logs: list[Path] = []
             for found in find_logs([source], layout, pattern, remembering(logs)):
                 logs += found.log.files.values() if isinstance(found.log, FolderLog) else ()
-            files = [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
+            files = [
+                file
+                for log in logs
+                for file in (sorted(filter(_stores, log.iterdir())) if log.is_dir() else [log])
+            ]
         except OSError as error:  # a folder that may not be entered
             raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
         for path in files:
@@ -333,6 +336,6 @@ def remembering(paths: list[Path]) -> Opener:
     return remember
 
 
-def _storage_of(bag: Path) -> list[Path]:
-    stored = (p for p in bag.iterdir() if p.name == "metadata.yaml" or {".db3", ".mcap"} & set(p.suffixes))
-    return sorted(path for path in stored if path.is_file())
+def _stores(path: Path) -> bool:
+    """Whether it is one of the files of a ROS 2 bag's folder."""
+    return path.is_file() and (path.name == "metadata.yaml" or bool({".db3", ".mcap"} & set(path.suffixes)))

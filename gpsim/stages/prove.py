@@ -90,7 +90,10 @@ def numbers_of(
     after = ((CURVES_FROM, curves), (ROUGH_FROM, rough))
     counted = [number for first, many in after for number in range(first + 1, first + many + 1)]
     plans = range(PLANS_FROM + 1, PLANS_FROM + plan + 1)
-    return [*plain_ones, *counted, *machines_numbers(machines), *plans]
+    packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
+    with_arms = {"mujoco", "example-robot-data"} <= packages  # which arms need
+    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
+    return [*plain_ones, *counted, *islice(able, machines), *plans]
 
 
 def _refuse_strange(strata: Sequence[str], known: Sequence[str], of: str, apart: Mapping[str, str]) -> None:
@@ -101,14 +104,6 @@ def _refuse_strange(strata: Sequence[str], known: Sequence[str], of: str, apart:
             raise UsageError(f"{COUNTED.get(name, name)} are counted by themselves: {how}")
     if strange:
         raise UsageError(f"no stratum '{strange[0]}'{of}; there are: {', '.join(known)}")
-
-
-def machines_numbers(machines: int) -> list[int]:
-    """The first `machines` numbers of whole machines; those of arms are left out where what they need is missing."""
-    packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
-    with_arms = {"mujoco", "example-robot-data"} <= packages
-    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
-    return list(islice(able, machines))
 
 
 def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0, floating: int = 0) -> list[int]:
