@@ -67,14 +67,17 @@ def test_a_recording_of_another_simulator_is_refused_with_the_settings_that_woul
     check_same(other, fitting)
 
 
-def diagnosed(tmp_path, plant):
-    """A finished diagnosis of which only the corrected simulator counts."""
+def diagnosed(tmp_path, plant, config=None, gp=False, found=None):
+    """A finished diagnosis of which only the corrected simulator counts, and what was `found` if that is given."""
 
     def write(folder):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=gp)))
+        if found is not None:
+            (folder / "diagnosis.json").write_text(json.dumps(found.to_dict()))
         return {}
 
-    return Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "diagnosis")
+    recipe = Recipe("diagnose", config or {}, {}, {})
+    return Store(tmp_path, "any").publish(recipe, write, out=tmp_path / "diagnosis")
 
 
 @pytest.mark.parametrize(
@@ -200,12 +203,8 @@ def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_
     simulator = make_simulator(f"{mine}:Mine")
     plant = EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.1)
 
-    def write(folder: Path):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
-        return {}
-
     config = {"simulator": simulator.name, "simulator_file": file_digest(mine)}
-    made = Store(tmp_path, "any").publish(Recipe("diagnose", config, {}, {}), write)
+    made = diagnosed(tmp_path, plant, config)
     assert read_corrected(made.path).dt == 0.1
     mine.write_text(text.replace('p["k"]', '2.0 * p["k"]'))
     with pytest.raises(
@@ -255,19 +254,11 @@ def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
 
 @pytest.mark.parametrize("why", [None, "it has no structure"])
 def test_where_a_diagnosis_left_the_gaussian_process_out_effects_alone_are_trained_in(tmp_path, why):
-    plant = EffectsPlant(
-        make_simulator("cartpole"), make_simulator("cartpole").defaults({}), (), "euler", 1, 0.02
-    )
-
+    simulator = make_simulator("cartpole")
     process = RemainderGp(why is None, "base" if why is None else None, why)
     found = made_diagnosis(remainder=made_remainder(gp=process))
-
-    def write(folder: Path):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=why is None)))
-        (folder / "diagnosis.json").write_text(json.dumps(found.to_dict()))
-        return {}
-
-    given = Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write)
+    plant = EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.02)
+    given = diagnosed(tmp_path, plant, gp=why is None, found=found)
     asked = request("correction=effects+gp", f"diagnosis={given.path}")
     alone = request("correction=effects", f"diagnosis={given.path}")
     assert (train_gp_policy.recipe(asked) == train_gp_policy.recipe(alone)) is (why is not None)

@@ -116,12 +116,15 @@ def test_nobody_else_can_reach_or_order_what_is_started_here():
     """The scheduler runs what it is sent: it takes that from the command alone, which has the key."""
     pytest.importorskip("cryptography")
     from gpsim.launchers.dask_jobs import dask_workers
+    from gpsim.launchers.running import run_in
 
     said, known = [], listening(psutil.Process())
     with dask_workers(Dask(workers=1, announce=said.append), silent) as workers:
         client = workers.client
         address = client.scheduler.address
-        assert client.submit(os.getpid).result() != os.getpid()
+        assert workers.executor.submit(os.getpid).result() != os.getpid()
+        [done] = run_in(workers, [Task("t", partial(doubled, 2))], keep_going=False)
+        assert done.result == 4
         opened = listening(psutil.Process()) - known
         assert {host for host, _ in opened} == {"127.0.0.1"}
         assert said[0].startswith("Dask's dashboard: http://127.0.0.1:")
@@ -131,12 +134,6 @@ def test_nobody_else_can_reach_or_order_what_is_started_here():
         ):
             with pytest.raises(OSError, match="certificate|imed out|reset|closed"):
                 distributed.Client(stranger, timeout=2, set_as_default=False, security=keys)
-
-
-def test_tasks_run_on_what_is_started_here():
-    pytest.importorskip("cryptography")
-    found = {o.label: o for o in run_tasks(Dask(workers=1), [Task("t", partial(doubled, 2))], silent)}
-    assert found["t"].result == 4
 
 
 def test_keys_for_other_machines_lie_in_a_folder_of_ones_own(tmp_path):

@@ -58,6 +58,14 @@ def diagnosis(tmp_path):
     return Store(tmp_path, "").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "known").path
 
 
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """Whatever a stage needs is there, without being made."""
+    made = lambda stage, request: Artifact(tmp_path, {"stage": stage.name}, stage.name)  # noqa: E731
+    monkeypatch.setattr(Stage, "need", made)
+    return Artifact(tmp_path, {"stage": "any"}, "ab")
+
+
 @pytest.mark.parametrize("target", ["limo", "recording"])
 def test_a_recording_that_is_given_is_not_collected(drive, target):
     found = labels(asked(f"target={target}", f"recording={drive}"))
@@ -92,10 +100,8 @@ def test_what_is_given_is_opened_before_anything_is_trained(drive, diagnosis, tm
         assert "\n" not in str(caught.value)
 
 
-def test_the_report_lists_what_was_used(drive, diagnosis, monkeypatch):
-    monkeypatch.setattr(
-        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
-    )
+@pytest.mark.usefixtures("stand_in")
+def test_the_report_lists_what_was_used(drive, diagnosis):
     plain = [(role, seed) for role, seed, _ in report.artifacts_of(asked(), (0, 1))]
     assert {("collect", 0), ("collect", 1), ("diagnose", 0), ("diagnose", 1)} <= set(plain)
     given = asked(f"recording={drive}", f"diagnosis={diagnosis}")
@@ -117,11 +123,9 @@ def test_the_report_lists_what_was_used(drive, diagnosis, monkeypatch):
     assert said.startswith("none: nothing is missing")
 
 
-def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("stand_in")
+def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path):
     write_recording(driven(), tmp_path)
-    monkeypatch.setattr(
-        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
-    )
     found = report.artifacts_of(replace(asked(), config=asked(f"recording={tmp_path}").config), (0,))
     assert not {role for role, _, _ in found} & {"recording", "collect"}
 
@@ -144,9 +148,7 @@ def test_a_stand_in_that_was_not_recorded_is_said_to_be_measured(drive, tmp_path
     assert measured_on(asked(f"recording={own}", "target.delay=0.2")) is not None
 
 
-def test_only_what_was_given_changes_what_an_evaluation_is_of(drive, tmp_path, monkeypatch):
-    stand_in = Artifact(tmp_path, {"stage": "any"}, "ab")
-    monkeypatch.setattr(Stage, "need", lambda stage, request: stand_in)
+def test_only_what_was_given_changes_what_an_evaluation_is_of(drive, tmp_path, stand_in):
     assert "measured_on" not in evaluate.recipe(asked()).config
     words = evaluate.recipe(asked(f"recording={drive}")).config["measured_on"]
     (tmp_path / "evaluation.json").write_text(json.dumps({"measured_on": words}))
