@@ -132,9 +132,9 @@ def silent(*_: object) -> None:
 
 def _unlock() -> None:
     """The cores of this run are threads of one process: in truth a worker has one, and its folder."""
-    from gpsim.launchers import dask_worker
+    from gpsim.launchers import dask_jobs
 
-    dask_worker._ONE = nullcontext()  # type: ignore[assignment]
+    dask_jobs._ONE = nullcontext()  # type: ignore[assignment]
 
 
 def real(work: list[float], cores: int, processes: int) -> dict[str, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -130,42 +129,10 @@ def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
     return show
 
 
-Site = Annotated[
-    bool, typer.Option("--site", help="A folder of pages instead: an index over all runs, and every report.")
-]
-SiteOut = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", help="With --site: the folder to make, <runs_dir>/site by default; a site there is replaced."
-    ),
-]
-
-
 @spread
-def report_command(
-    *, seeds: Reported = 1, site: Site = False, out: SiteOut = None, setup: Setup, dry_run: DryRun = False
-) -> None:
-    """Tables, figures and one HTML page of a finished loop.
-
-    With --site a folder of pages instead: an index over all runs, and every report.
-    """
+def report_command(*, seeds: Reported = 1, setup: Setup, dry_run: DryRun = False) -> None:
+    """Tables, figures and one HTML page of a finished loop."""
     request = setup.request()
-    if site and dry_run:
-        raise UsageError(
-            "report: --dry-run says what would be made in runs/; a site is a copy of what is there"
-        )
-    if site:
-        from gpsim.stages.site import write_site
-
-        index, notes = write_site(Path(str(setup.config["runs_dir"])), out)
-        say(f"site: {index}")
-        say_all(notes, "  ")
-        answer({"site": index}, notes=told(notes))
-        return
-    if out is not None:
-        raise UsageError(
-            "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
-        )
     if dry_run:
         from gpsim.stages.report import stage_for
 

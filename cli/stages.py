@@ -39,7 +39,7 @@ def collect_command(*, setup: Setup, out: Out = None, plan: Plan = None, dry_run
     elif dry_run:
         raise UsageError("collect: --dry-run goes with a recording, not with --plan, which makes none")
     else:
-        from gpsim.stages.sweep import write_plan
+        from gpsim.stages.collect import write_plan
 
         rows = write_plan(config, plan)
         say(f"collect: {plan}, {rows} commands, one a control step")

@@ -10,8 +10,7 @@ import pytest
 from gpsim.cli.configuration import resolve
 from hermetic import CHECKOUT, RUNS, TrespassError
 
-from gpsim.artifacts.artifact import Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Recipe, Store
 from gpsim.stages.stage import Request
 
 INNER = """

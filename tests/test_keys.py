@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts.artifact import Recipe
+from gpsim.artifacts import Recipe
 from gpsim.stages import diagnose, report
 from gpsim.stages.registry import STAGES
 from gpsim.stages.stage import IN_NUMBERS, RELEASE, SOURCES, Request, Stage, sources_digest

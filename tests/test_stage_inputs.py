@@ -10,15 +10,13 @@ import pytest
 from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis, made_remainder
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.corrected.effects_plant import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.findings import RemainderGp
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_recording
-from gpsim.recordings.export import Topics
 from gpsim.simulators import make_simulator, source_file
 from gpsim.stages import (
     building,
@@ -28,14 +26,13 @@ from gpsim.stages import (
     evaluate,
     fit_gp,
     report,
-    sweep,
     train_gp_policy,
     train_source,
 )
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import read_corrected
-from gpsim.stages.evaluate_recording import judged_episodes
+from gpsim.stages.safety import judged_episodes
 from gpsim.stages.stage import Request
 
 
@@ -70,14 +67,17 @@ def test_a_recording_of_another_simulator_is_refused_with_the_settings_that_woul
     check_same(other, fitting)
 
 
-def diagnosed(tmp_path, plant):
-    """A finished diagnosis of which only the corrected simulator counts."""
+def diagnosed(tmp_path, plant, config=None, gp=False, found=None):
+    """A finished diagnosis of which only the corrected simulator counts, and what was `found` if that is given."""
 
     def write(folder):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=gp)))
+        if found is not None:
+            (folder / "diagnosis.json").write_text(json.dumps(found.to_dict()))
         return {}
 
-    return Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "diagnosis")
+    recipe = Recipe("diagnose", config or {}, {}, {})
+    return Store(tmp_path, "any").publish(recipe, write, out=tmp_path / "diagnosis")
 
 
 @pytest.mark.parametrize(
@@ -183,18 +183,13 @@ def test_evaluate_warns_where_the_recording_covers_too_little(tmp_path: Path):
     assert evaluate.notes(made)[0].startswith("warning: 50 % of what the deployed GP policy visits")
 
 
-def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
-    """The same artifacts below another folder or with other numbers: the same page."""
-    made = []
-    for words, version in (
-        (("gp=raw", "runs_dir=a"), "v0001"),
-        (("gp=raw", "runs_dir=b", "seed=0"), "v0007"),
-    ):
-        asked = Request(resolve(list(words), None), words)
-        artifact = Artifact(tmp_path / version, {"stage": "fit-gp"}, "ab" * 32)
-        made.append((report._command(asked, (0, 1)), report._made_by("fit-gp", 0, artifact)))
-    assert made[0] == made[1]
-    assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"
+def test_the_page_does_not_know_where_its_artifacts_lie():
+    """The same artifacts below another folder: the same command on the page."""
+    asked = [
+        Request(resolve(list(w), None), w)
+        for w in (("gp=raw", "runs_dir=a"), ("gp=raw", "runs_dir=b", "seed=0"))
+    ]
+    assert {report.command_of(one, (0, 1)) for one in asked} == {"gpsim run full-loop gp=raw --seeds 2"}
 
 
 @pytest.mark.usefixtures("own_files")
@@ -208,12 +203,8 @@ def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_
     simulator = make_simulator(f"{mine}:Mine")
     plant = EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.1)
 
-    def write(folder: Path):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
-        return {}
-
     config = {"simulator": simulator.name, "simulator_file": file_digest(mine)}
-    made = Store(tmp_path, "any").publish(Recipe("diagnose", config, {}, {}), write)
+    made = diagnosed(tmp_path, plant, config)
     assert read_corrected(made.path).dt == 0.1
     mine.write_text(text.replace('p["k"]', '2.0 * p["k"]'))
     with pytest.raises(
@@ -223,36 +214,13 @@ def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_
     assert "\n" not in str(caught.value)
 
 
-class StoppedError(Exception):
-    pass
-
-
-@pytest.mark.parametrize(("driver", "draws"), [("driver", True), (evaluate.DEPLOYED, False)])
-def test_what_a_deployed_policy_visits_is_what_it_visits_deployed(monkeypatch, tmp_path, driver, draws):
-    """Its most probable action, as in layer 3; the first policy draws, as it did while it was recorded."""
-    seen = []
-
-    def actor(policy, rng=None):
-        seen.append(rng)
-        raise StoppedError
-
-    monkeypatch.setattr(evaluate, "read_policy", lambda folder: None)
-    monkeypatch.setattr(evaluate, "policy_actor", actor)
-    parents = {driver: Artifact(tmp_path, {}, "")}
-    with pytest.raises(StoppedError):
-        evaluate._visit(request(), Recipe("evaluate", {}, parents, {}), driver)
-    assert [rng is not None for rng in seen] == [draws]
-
-
 def test_a_sweep_is_logged_where_its_mapping_will_look():
     moved = [f"state.{channel}.topic=/robot/pose" for channel in ("x", "y", "yaw")]
     plain = resolve(["experiment=limo"], None)
-    assert sweep._topics(plain) == Topics()
-    changed = {**plain, "collect": {**plain["collect"], "changes": moved}}
-    assert sweep._topics(changed) == Topics(pose="/robot/pose")
-    changed["collect"]["changes"] = moved[:1]
+    for changes in ([], moved):
+        collect.check(Request({**plain, "collect": {**plain["collect"], "changes": changes}}))
     with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
-        collect.check(Request(changed))
+        collect.check(Request({**plain, "collect": {**plain["collect"], "changes": moved[:1]}}))
 
 
 def test_a_sweep_without_a_mapping_is_refused_before_it_is_driven():
@@ -286,19 +254,11 @@ def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
 
 @pytest.mark.parametrize("why", [None, "it has no structure"])
 def test_where_a_diagnosis_left_the_gaussian_process_out_effects_alone_are_trained_in(tmp_path, why):
-    plant = EffectsPlant(
-        make_simulator("cartpole"), make_simulator("cartpole").defaults({}), (), "euler", 1, 0.02
-    )
-
+    simulator = make_simulator("cartpole")
     process = RemainderGp(why is None, "base" if why is None else None, why)
     found = made_diagnosis(remainder=made_remainder(gp=process))
-
-    def write(folder: Path):
-        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=why is None)))
-        (folder / "diagnosis.json").write_text(json.dumps(found.to_dict()))
-        return {}
-
-    given = Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write)
+    plant = EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.02)
+    given = diagnosed(tmp_path, plant, gp=why is None, found=found)
     asked = request("correction=effects+gp", f"diagnosis={given.path}")
     alone = request("correction=effects", f"diagnosis={given.path}")
     assert (train_gp_policy.recipe(asked) == train_gp_policy.recipe(alone)) is (why is not None)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.reports.sweep_page import main_figures, sweep_page
 from gpsim.stages import grid
-from gpsim.stages.jobs import _numbered
+from gpsim.stages.jobs import numbered
 
 QUICK = ("budget=smoke", "collect.policy=random")
 
@@ -68,10 +68,10 @@ def test_who_makes_a_point_does_not_look_through_the_shelf_again(tmp_path, monke
     """Unless something may lie there that only a look finds: of a release without markers."""
     monkeypatch.chdir(tmp_path)
     jobs = plan_of("gp.n_train=50,80", of="fit-gp").jobs
-    assert [request.looked for request, _ in _numbered(jobs)] == [True] * 4
+    assert [request.looked for _, request, _ in numbered(jobs)] == [True] * 4
     old = Path("runs/cartpole/fit-gp/v0001")
     old.mkdir(parents=True)
-    looked = [request.looked for request, _ in _numbered(jobs)]
+    looked = [request.looked for _, request, _ in numbered(jobs)]
     assert looked == [job.stage != "fit-gp" for job in jobs]
 
 

@@ -11,15 +11,14 @@ import pytest
 from gpsim.cli.configuration import resolve
 from gpsim.cli.progress import Board
 
-from gpsim.artifacts.artifact import Recipe
-from gpsim.artifacts.locks import held
+from gpsim.artifacts import Recipe, held
 from gpsim.stages import prove
 from gpsim.stages.stage import Request, Stage
 
 MAKER = """
 import sys, time
 from pathlib import Path
-from gpsim.artifacts.artifact import Recipe
+from gpsim.artifacts import Recipe
 from gpsim.stages.stage import Request, Stage
 
 place, until = Path(sys.argv[1]), Path(sys.argv[2])

@@ -5,17 +5,15 @@ from gpsim.artifacts.artifact import (
     TIMINGS,
     Artifact,
     Recipe,
+    folder_digests,
     read_artifact,
     read_manifest,
     read_timings,
 )
 from gpsim.artifacts.keys import VERSION, listed_once
-from gpsim.artifacts.leftovers import Leftover, erase, leftovers, sweep_all
-from gpsim.artifacts.locks import held
+from gpsim.artifacts.locks import Leftover, erase, held, hide, leftovers, needed, sweep_all, unneeded
 from gpsim.artifacts.mishaps import Mishaps, read_warnings
-from gpsim.artifacts.provenance import git_commit, package_versions
-from gpsim.artifacts.removal import hide, unneeded
-from gpsim.artifacts.store import SCHEMA, Store
+from gpsim.artifacts.store import SCHEMA, Store, git_commit, package_versions
 
 __all__ = [
     "MANIFEST",
@@ -28,11 +26,13 @@ __all__ = [
     "Recipe",
     "Store",
     "erase",
+    "folder_digests",
     "git_commit",
     "held",
     "hide",
     "leftovers",
     "listed_once",
+    "needed",
     "package_versions",
     "read_artifact",
     "read_manifest",

@@ -145,14 +145,10 @@ def read_manifest(path: Path) -> Artifact:
 
 def _sound(manifest: Json) -> bool:
     """Whether the parts of a manifest that are read are there, and of their kinds."""
-    words = all(isinstance(manifest.get(name), str) for name in ("stage", "key"))
-    maps = all(
-        isinstance(manifest.get(name, {}), dict)
-        for name in ("config", "seeds", "parents", "packages", "files")
-    )
+    maps = ("config", "seeds", "parents", "packages", "files")
     return (
-        words
-        and maps
+        all(isinstance(manifest.get(name), str) for name in ("stage", "key"))
+        and all(isinstance(manifest.get(name, {}), dict) for name in maps)
         and "files" in manifest
         and all(isinstance(digest, str) for digest in manifest["files"].values())
         and all(isinstance(parent, dict) for parent in manifest.get("parents", {}).values())

@@ -1,10 +1,9 @@
 """Which version of a shelf has which key: reading thousands of manifests takes longer than the work.
 
-Which version has a key, without a look through the shelf: a small file a key, RUNS/.keys/EXPERIMENT/STAGE/KEY.
-
-A marker is a hint: it is written just before its version is put in place, so that what is finished has one, and it may
-point to nothing, where the writer was cut off or the version removed. Who follows one reads the version's manifest.
-Versions that older releases made have none.
+Without a look through the shelf a small file a key says it, RUNS/.keys/EXPERIMENT/STAGE/KEY. It is a hint: it is
+written just before its version is put in place, so that what is finished has one, and it may point to nothing, where
+the writer was cut off or the version removed. Who follows one reads the version's manifest. Versions that older
+releases made have none.
 """
 
 from __future__ import annotations
@@ -34,7 +33,17 @@ def entries(shelf: Path) -> list[Entry]:
     listed, place = _LISTED.get(), os.path.abspath(shelf)  # noqa: PTH100 - links keep their names
     if listed is not None and place in listed:
         return listed[place]
-    found = _listed(shelf)
+    found: list[Entry] = []
+    if os.path.isdir(shelf):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
+        try:
+            with os.scandir(shelf) as listing:
+                for item in listing:
+                    if VERSION.fullmatch(item.name) and item.is_dir():
+                        status = item.stat()
+                        found.append((item.name, status.st_ino, status.st_mtime_ns))
+        except OSError as error:
+            raise unreadable(shelf, error) from error
+    found.sort(key=lambda entry: int(entry[0][1:]), reverse=True)
     if listed is not None:
         listed[place] = found
     return found
@@ -62,21 +71,6 @@ def listed_once() -> Iterator[None]:
         yield
     finally:
         _LISTED.reset(token)
-
-
-def _listed(shelf: Path) -> list[Entry]:
-    if not os.path.isdir(shelf):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
-        return []
-    found: list[Entry] = []
-    try:
-        with os.scandir(shelf) as listing:
-            for item in listing:
-                if VERSION.fullmatch(item.name) and item.is_dir():
-                    status = item.stat()
-                    found.append((item.name, status.st_ino, status.st_mtime_ns))
-    except OSError as error:
-        raise unreadable(shelf, error) from error
-    return sorted(found, key=lambda entry: int(entry[0][1:]), reverse=True)
 
 
 FOLDER = ".keys"

@@ -6,15 +6,18 @@ import errno
 import fcntl
 import hashlib
 import os
+import platform
 import shutil
+import subprocess
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO
 
 from gpsim.artifacts.artifact import (
     MANIFEST,
@@ -27,14 +30,42 @@ from gpsim.artifacts.artifact import (
     read_manifest,
 )
 from gpsim.artifacts.keys import VERSION, all_marked, entries, mark, marked, of_key
-from gpsim.artifacts.leftovers import sweep
-from gpsim.artifacts.locks import held
-from gpsim.artifacts.provenance import git_commit, package_versions
-from gpsim.artifacts.removal import needed
+from gpsim.artifacts.locks import held, needed, sweep
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical, disk_errors, write_json
 
 SCHEMA = "gpsim.artifact/1"
+
+
+PACKAGES = (
+    "gpsim", "gymnasium", "numpy", "pandas", "pyarrow", "rosbags", "scipy", "stable-baselines3", "torch",
+)  # fmt: skip
+
+
+@cache
+def package_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that decide an artifact's bytes."""
+    versions = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "absent"
+    return versions
+
+
+@cache
+def git_commit() -> str | None:
+    """The commit of the checkout that gpsim runs from; None outside a checkout of gpsim itself."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return None
+    command = ["git", "-C", str(root), "rev-parse", "HEAD"]
+    try:
+        found = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return found.stdout.strip()
 
 
 @dataclass(frozen=True)
@@ -181,7 +212,9 @@ def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None, k
     taken = [int(p.name[1:]) for p in shelf.iterdir() if VERSION.fullmatch(p.name)]
     wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
     # Somebody may have made `out` meanwhile: the work goes beside it rather than nowhere.
-    names = _names(out.name) if out is not None else (f"v{i:04d}" for i in count(wanted))
+    names = (f"v{i:04d}" for i in count(wanted))
+    if out is not None:
+        names = (f"{out.name}-{i}" if i > 1 else out.name for i in count(1))
     for path in (shelf / name for name in names):
         if out is None:
             mark(shelf, key, path.name)
@@ -194,12 +227,6 @@ def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None, k
         _fsync(shelf)
         return path
     raise AssertionError("there is always a next name")
-
-
-def _names(name: str) -> Iterator[str]:
-    """The name, then the same with numbers."""
-    yield name
-    yield from (f"{name}-{i}" for i in count(2))
 
 
 def _fsync(path: Path) -> None:
@@ -223,40 +250,33 @@ def _make_folder(path: Path) -> None:
 
 @contextmanager
 def _temporary(shelf: Path) -> Iterator[Path]:
-    """A new folder to write in, gone after the block unless it was renamed; locked meanwhile against `_sweep`.
+    """A new folder to write in, gone after the block unless it was renamed; locked meanwhile against `sweep`.
 
     The lock is the kernel's: it ends with the process, whichever container or user that lives in, and is the same for
     all who share the disk, as the number of a process is not.
     """
-    lock, stream = _own_lock(shelf)
-    temporary = lock.with_suffix("")
-    with stream:
+    removed = UsageError(f"{shelf}: removed while something was written there; run again")
+    with ExitStack() as stack:
+        while True:
+            lock = shelf / f".tmp-{uuid.uuid4().hex[:12]}.lock"
+            try:
+                stream = stack.enter_context(lock.open("xb"))
+            except FileNotFoundError as error:
+                raise removed from error
+            with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
+                fcntl.flock(stream, fcntl.LOCK_EX)
+            if (
+                lock.exists()
+            ):  # its name is nobody else's; else it was swept between its making and its locking
+                break
+        temporary = lock.with_suffix("")
         try:
             temporary.mkdir()
             yield temporary
         except FileNotFoundError as error:
             if temporary.is_dir():  # something else is missing, which is no matter of this folder
                 raise
-            raise _removed(shelf) from error
+            raise removed from error
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
             lock.unlink(missing_ok=True)
-
-
-def _own_lock(shelf: Path) -> tuple[Path, BinaryIO]:
-    """A new lock file, held: one that was swept between its making and its locking is made again."""
-    while True:
-        lock = shelf / f".tmp-{uuid.uuid4().hex[:12]}.lock"
-        try:
-            stream = lock.open("xb")
-        except FileNotFoundError as error:
-            raise _removed(shelf) from error
-        with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
-            fcntl.flock(stream, fcntl.LOCK_EX)
-        if lock.exists():  # its name is nobody else's
-            return lock, stream
-        stream.close()
-
-
-def _removed(shelf: Path) -> UsageError:
-    return UsageError(f"{shelf}: removed while something was written there; run again")

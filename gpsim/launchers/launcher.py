@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -87,20 +88,12 @@ def launcher_from(section: Mapping[str, Any], processes: int, announce: Announce
     name = choice(section.get("name"), NAMES, "launcher.name")
     if name == "local":
         return build(Local, section, "launcher", processes=processes)
-    require_dask(name)
+    needed = ("distributed", "dask_jobqueue", "cryptography")
+    if missing := [package for package in needed if importlib.util.find_spec(package) is None]:
+        raise UsageError(
+            f"launcher={name} needs {' and '.join(missing)}; install with: pip install 'gpsim[cluster]'"
+        )
     if name == "slurm":
         return build(Slurm, section, "launcher", announce=announce)
     found = build(Dask, section, "launcher", announce=announce)
     return found if found.workers is not None else replace(found, workers=processes)
-
-
-def require_dask(name: str) -> None:
-    """Raise UsageError where the packages of `gpsim[cluster]` are not installed."""
-    from importlib.util import find_spec
-
-    needed = ("distributed", "dask_jobqueue", "cryptography")
-    missing = [package for package in needed if find_spec(package) is None]
-    if missing:
-        raise UsageError(
-            f"launcher={name} needs {' and '.join(missing)}; install with: pip install 'gpsim[cluster]'"
-        )

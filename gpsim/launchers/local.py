@@ -1,63 +1,84 @@
-"""Tasks in processes of this machine."""
+"""Tasks in processes of this machine, and the launcher's place for them."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+import queue
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from multiprocessing.queues import Queue
-from queue import Empty
 from typing import Any
 
-from gpsim.launchers.tasks import Outcome, Progress, Task, Update
+from gpsim.launchers.launcher import Launcher, Local
+from gpsim.launchers.running import Outcome, Place, Progress, Task, Update, run_in
 from gpsim.workers import WorkerPool, begin_worker, worker_pool
 
 Message = tuple[str, int, int, str]
-MOMENT = 0.2  # s that one look for what has ended waits
+_messages: Queue[Message]
 
 
-class PoolExecutor:
+def run_tasks(
+    launcher: Launcher, tasks: Sequence[Task], update: Update, *, keep_going: bool = False
+) -> Iterator[Outcome]:
+    """How each task ended, as `run_in` says; nothing is started where there is nothing to do."""
+    if tasks:
+        with _opened(launcher, update) as place:
+            yield from run_in(place, tasks, keep_going)
+
+
+def _opened(launcher: Launcher, update: Update) -> AbstractContextManager[Place]:
+    """The launcher's executor, while it is needed; all that it started ends with the block."""
+    if isinstance(launcher, Local):
+        return _processes(launcher.processes, update)
+    from gpsim.launchers.dask_jobs import dask_workers  # Dask is no part of a plain installation
+
+    return dask_workers(launcher, update)
+
+
+@dataclass
+class _Processes:
     """No more tasks are handed out than there are processes.
 
     One that fails ends the run, and its process would begin the next one that it holds.
     """
 
-    def __init__(self, pool: WorkerPool, count: int, messages: Queue[Message]) -> None:
-        self._pool, self._count, self._messages = pool, count, messages
-        self._running: dict[Future[Any], str] = {}
+    executor: WorkerPool
+    count: int
+    messages: Queue[Message]
+    update: Update
 
-    def free(self) -> int:
-        """Processes without a task."""
-        return self._count - len(self._running)
+    def room(self) -> int:
+        return self.count
 
-    def start(self, task: Task) -> None:
-        """To the pool."""
-        self._running[self._pool.submit(_work, task.label, task.work)] = task.label
+    def sent(self, task: Task) -> Callable[[], Any]:
+        return partial(_work, task.label, task.work)
 
-    def ended(self, update: Update) -> list[Outcome]:
+    def look(self, unfinished: int) -> None:
+        with suppress(queue.Empty):
+            while True:
+                self.update(*self.messages.get_nowait())
+
+    def outcome(self, task: Task, done: Future[Any]) -> Outcome:
         """A process that died is no outcome: it breaks the pool, which says so."""
-        ready, _ = wait(self._running, timeout=MOMENT, return_when=FIRST_COMPLETED)
-        for message in _drain(self._messages):
-            update(*message)
-        return [_outcome(self._running.pop(future), future) for future in ready]
-
-    def expect(self, unfinished: int) -> None:
-        """The pool has its size."""
+        try:
+            return Outcome(task.label, done.result())
+        except BrokenProcessPool:
+            raise
+        except Exception as error:  # whatever it is, it is this task's
+            return Outcome(task.label, error=error)
 
 
 @contextmanager
-def pool_executor(count: int) -> Iterator[PoolExecutor]:
-    """So many processes, none of which outlives the block; raises WorkerDiedError where one did not live so long."""
-    context = multiprocessing.get_context("spawn")
-    messages: Queue[Message] = context.Queue()
+def _processes(count: int, update: Update) -> Iterator[_Processes]:
+    """So many processes; raises WorkerDiedError where one did not live as long as the block."""
+    messages: Queue[Message] = multiprocessing.get_context("spawn").Queue()
     with worker_pool(count, _start_worker, messages, os.getpid()) as pool:
-        yield PoolExecutor(pool, count, messages)
-
-
-_messages: Queue[Message]
+        yield _Processes(pool, count, messages, update)
 
 
 def _start_worker(messages: Queue[Message], parent: int) -> None:
@@ -68,20 +89,3 @@ def _start_worker(messages: Queue[Message], parent: int) -> None:
 
 def _work(label: str, work: Callable[[Progress], Any]) -> Any:
     return work(lambda done, total, note: _messages.put((label, done, total, note)))
-
-
-def _outcome(label: str, future: Future[Any]) -> Outcome:
-    try:
-        return Outcome(label, future.result())
-    except BrokenProcessPool:
-        raise
-    except Exception as error:  # whatever it is, it is this task's
-        return Outcome(label, error=error)
-
-
-def _drain(messages: Queue[Message]) -> Iterator[Message]:
-    while True:
-        try:
-            yield messages.get_nowait()
-        except Empty:
-            return

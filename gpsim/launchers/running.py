@@ -2,77 +2,128 @@
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator, Sequence
+import queue
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+from heapq import heappop, heappush
+from pathlib import Path
+from typing import Any, Protocol
 
 from gpsim.errors import UsageError
-from gpsim.launchers.launcher import Launcher
-from gpsim.launchers.opening import opened
-from gpsim.launchers.tasks import Executor, Outcome, Task, Update
+
+MOMENT = 0.2  # s that one look for what has ended waits
+Progress = Callable[[int, int, str], None]
+"""progress(done, total, note) of one task"""
+Update = Callable[[str, int, int, str], None]
+"""update(label, done, total, note) of any task"""
 
 
-def run_tasks(
-    launcher: Launcher, tasks: Sequence[Task], update: Update, *, keep_going: bool = False
-) -> Iterator[Outcome]:
+@dataclass(frozen=True)
+class Task:
+    """One independent piece of work, after the tasks labelled `after`.
+
+    work(progress) runs elsewhere, so it is a module's function or a `partial` of one with plain arguments. It keeps
+    what it finishes, and finds what is finished: a task whose worker is lost runs again.
+
+    The rest counts only where files travel: needs() are the files and folders that it reads, asked for when it is
+    handed out; writes: the folders below which it writes; keep(folder, result) puts what came back in `folder` in its
+    place, and gives the result as it is known here. All paths are relative to the folder of the command.
+    """
+
+    label: str
+    work: Callable[[Progress], Any]
+    after: tuple[str, ...] = ()
+    needs: Callable[[], Iterable[Path]] = tuple
+    writes: tuple[Path, ...] = ()
+    keep: Callable[[Path, Any], Any] = lambda folder, result: result
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a task ended: its result, or its error; node: the machine, empty where it is this one."""
+
+    label: str
+    result: Any = None
+    error: Exception | None = None
+    node: str = ""
+
+
+class Place(Protocol):
+    """Where tasks run: an executor, and what is particular about it."""
+
+    @property
+    def executor(self) -> Executor:
+        """What runs them."""
+
+    def room(self) -> int:
+        """How many tasks may be handed out at a time, as things stand."""
+
+    def sent(self, task: Task) -> Callable[[], Any]:
+        """What the executor runs for a task."""
+
+    def outcome(self, task: Task, done: Future[Any]) -> Outcome:
+        """How it ended."""
+
+    def look(self, unfinished: int) -> None:
+        """Called every moment: pass on what running tasks tell; raises where nothing can go on."""
+
+
+class JobFailedError(RuntimeError):
+    """A mistake of the program, on another machine: its traceback is the message."""
+
+
+class LostSchedulerError(UsageError):
+    """The Dask scheduler is gone in the middle of the work."""
+
+
+def run_in(place: Place, tasks: Sequence[Task], keep_going: bool) -> Iterator[Outcome]:
     """How each task ended, as they end.
 
     The first failure stops the rest and is raised; with `keep_going` it is an outcome like others, and those that wait
-    for it fail with it. Nothing is started where there is nothing to do.
+    for it fail with it.
     """
-    if tasks:
-        with opened(launcher) as executor:
-            yield from _run(executor, tasks, update, keep_going)
-
-
-def _run(executor: Executor, tasks: Sequence[Task], update: Update, keep_going: bool) -> Iterator[Outcome]:
-    plan = _Plan(tasks)
-    while plan.unfinished:
-        executor.expect(plan.unfinished)
-        for _ in range(executor.free()):
-            if (task := plan.next()) is None:
-                break
-            executor.start(task)
-        outcomes = executor.ended(update)
-        if not keep_going:  # a failure comes first, and nothing is begun behind it
-            for outcome in outcomes:
-                if outcome.error is not None:
-                    raise outcome.error
+    rank = {task.label: i for i, task in enumerate(tasks)}
+    order = TopologicalSorter({task.label: [a for a in task.after if a in rank] for task in tasks})
+    order.prepare()
+    ready: list[int] = []
+    running: dict[Future[Any], Task] = {}
+    ended: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+    failed: list[str] = []
+    unfinished = len(tasks)
+    while order.is_active():
+        for label in order.get_ready():
+            cause = next((before for before in failed if before in tasks[rank[label]].after), None)
+            if cause is None:
+                heappush(ready, rank[label])
+                continue
+            failed.append(label)
+            unfinished -= 1
+            order.done(label)
+            yield Outcome(label, error=UsageError(f"not made, as {cause} failed"))
+        while ready and len(running) < place.room():
+            task = tasks[heappop(ready)]
+            future = place.executor.submit(place.sent(task))
+            running[future] = task
+            future.add_done_callback(ended.put)
+        done = list(_waited_for(ended)) if running else []
+        place.look(unfinished)
+        outcomes = [place.outcome(running.pop(future), future) for future in done]
+        for outcome in outcomes:  # a failure comes first, and nothing is begun behind it
+            if outcome.error is not None and not keep_going:
+                raise outcome.error
+        failed += [outcome.label for outcome in outcomes if outcome.error is not None]
         for outcome in outcomes:
+            unfinished -= 1
+            order.done(outcome.label)
             yield outcome
-            yield from plan.ended(outcome)
 
 
-class _Plan:
-    """Which task may begin. Each is looked at once a dependency, however many there are."""
-
-    def __init__(self, tasks: Sequence[Task]) -> None:
-        self._tasks = tasks
-        places = {task.label: i for i, task in enumerate(tasks)}
-        self._blocked = [{label for label in task.after if label in places} for task in tasks]
-        self._behind: dict[str, list[int]] = {}
-        for i, labels in enumerate(self._blocked):
-            for label in labels:
-                self._behind.setdefault(label, []).append(i)
-        self._ready = [i for i, labels in enumerate(self._blocked) if not labels]
-        self._done: set[str] = set()
-
-    @property
-    def unfinished(self) -> int:
-        return len(self._tasks) - len(self._done)
-
-    def next(self) -> Task | None:
-        """The first of those that may begin; it is handed out once."""
-        return self._tasks[heapq.heappop(self._ready)] if self._ready else None
-
-    def ended(self, outcome: Outcome) -> Iterator[Outcome]:
-        """Free those that waited for it; where it failed, they fail too."""
-        self._done.add(outcome.label)
-        for i in self._behind.get(outcome.label, ()):
-            task = self._tasks[i]
-            if outcome.error is not None and task.label not in self._done:
-                lost = Outcome(task.label, error=UsageError(f"not made, as {outcome.label} failed"))
-                yield lost
-                yield from self.ended(lost)
-            self._blocked[i].discard(outcome.label)
-            if not self._blocked[i] and task.label not in self._done:
-                heapq.heappush(self._ready, i)
+def _waited_for(ended: queue.SimpleQueue[Future[Any]]) -> Iterator[Future[Any]]:
+    """All that have ended, after a moment if none has yet."""
+    with suppress(queue.Empty):
+        yield ended.get(timeout=MOMENT)
+        while True:
+            yield ended.get_nowait()

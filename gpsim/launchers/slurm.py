@@ -1,13 +1,15 @@
-"""Dask workers as SLURM jobs: as many as there is work for, and a new one for each that is lost."""
+"""Dask workers as SLURM jobs: as many as there is work for, and a new one for each that is lost; who gives orders."""
 
 from __future__ import annotations
 
 import math
 import shutil
+import signal
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from distributed import Security
@@ -16,37 +18,64 @@ from distributed.utils import get_ip
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
-from gpsim.launchers.jobqueue import SLURMCluster, SLURMJob
 from gpsim.launchers.launcher import Slurm
-from gpsim.launchers.security import cluster_keys
+from gpsim.private import write_own
+
+_asked = signal.getsignal(signal.SIGINT)
+try:  # dask-jobqueue's import makes Ctrl-C an exit that says nothing went wrong
+    from dask_jobqueue import SLURMCluster
+    from dask_jobqueue.slurm import SLURMJob
+finally:
+    signal.signal(signal.SIGINT, _asked)
 
 NAME = "gpsim"  # of the SLURM jobs
 LOOK = 5.0  # s between two looks at the queue
 FRUITLESS = 3  # jobs in a row that may end before a worker came of them
+LOOPBACK = "127.0.0.1"
+"""The address that only this machine reaches."""
 
 
-class SlurmWorkers:
-    """The jobs of one command."""
+def own_keys() -> Security:
+    """A key and a certificate for this command, in memory.
 
-    def __init__(self, cluster: Any, launcher: Slurm) -> None:
-        self.cluster = cluster
-        self._upkeep = cluster.adapt(
-            Adaptive=Upkeep,
-            minimum_jobs=launcher.minimum,
-            maximum_jobs=launcher.maximum,
-            interval="1s",
-            wait_count=10,
+    Scheduler, workers and client show them: whoever has not the command's key is sent away. A Dask scheduler runs what
+    it is sent, as its owner; one that a command starts takes orders from that command alone.
+    """
+    return Security.temporary()
+
+
+@contextmanager
+def cluster_keys(folder: Path) -> Iterator[Security]:
+    """Keys as files, which workers on other machines read: those that Dask's own configuration names, if it does.
+
+    Else new ones, in a folder below `folder` that this user alone can enter; they go with the block.
+    """
+    if _configured():
+        yield Security(require_encryption=True)
+        return
+    made = own_keys()
+    with TemporaryDirectory(prefix=".tls-", dir=folder.absolute(), ignore_cleanup_errors=True) as place:
+        certificate, key = Path(place, "certificate.pem"), Path(place, "key.pem")
+        write_own(certificate, made.tls_ca_file.encode())
+        write_own(key, made.tls_client_key.encode())
+        files = {"tls_ca_file": str(certificate)}
+        for role in ("client", "scheduler", "worker"):
+            files |= {f"tls_{role}_cert": str(certificate), f"tls_{role}_key": str(key)}
+        yield Security(require_encryption=True, **files)
+
+
+def check_keys(address: str) -> None:
+    """Raise UsageError where a scheduler asks for a certificate and Dask's configuration names none."""
+    if address.startswith("tls://") and not _configured():
+        raise UsageError(
+            f"launcher.address={address}: a tls:// scheduler wants a certificate: name it in Dask's configuration, as "
+            "distributed.comm.tls.ca-file, .client.cert and .client.key"
         )
-        self._upkeep.logs = Path(launcher.logs)
 
-    def wanted(self, tasks: int) -> None:
-        """So many tasks are not finished yet: a worker runs one at a time."""
-        self._upkeep.tasks = tasks
 
-    def given_up(self) -> str | None:
-        """Why no worker comes, once that is sure enough."""
-        why: str | None = self._upkeep.why
-        return why
+def _configured() -> bool:
+    known = Security()
+    return bool(known.tls_ca_file and known.tls_client_cert)
 
 
 class Job(SLURMJob):  # type: ignore[misc]
@@ -74,7 +103,8 @@ class Upkeep(Adaptive):  # type: ignore[misc]
     """Dask's own scaling after the number of tasks left instead of their durations, which nobody knows before.
 
     Dask replaces a worker that it has seen and lost. A job that SLURM refused, or that ended before a worker came of
-    it, it would wait for without end: these are forgotten here, and so replaced, too.
+    it, it would wait for without end: these are forgotten here, and so replaced, too. tasks: so many are not finished
+    yet; why: no worker comes, once that is sure enough.
     """
 
     tasks = 0
@@ -109,10 +139,13 @@ class Upkeep(Adaptive):  # type: ignore[misc]
     async def _forget_lost(self) -> None:
         if self.observed:
             self._fruitless = 0
-        waiting = {n: job for n, job in self.cluster.workers.items() if not _arrived(n, self.observed)}
+        waiting = {n: job for n, job in self.cluster.workers.items() if not self._arrived(n)}
         if not waiting:
             return
-        queued = await self._queued()
+        queued = None  # numbers of the user's jobs that wait or run, where SLURM answers
+        with suppress(RuntimeError, OSError):
+            asked = ["squeue", "--me", "--noheader", "--format=%A", "--states=PD,CF,R,S,CG"]
+            queued = set((await Job._call(asked)).split())
         for name, job in waiting.items():
             if job.job_id is not None and (queued is None or job.job_id in queued):
                 continue
@@ -121,13 +154,9 @@ class Upkeep(Adaptive):  # type: ignore[misc]
             if self._fruitless >= FRUITLESS and not self.observed:
                 self.why = self._said(job)
 
-    async def _queued(self) -> set[str] | None:
-        """Numbers of the user's jobs that wait or run; None where SLURM does not answer."""
-        try:
-            listed = await Job._call(["squeue", "--me", "--noheader", "--format=%A", "--states=PD,CF,R,S,CG"])
-        except (RuntimeError, OSError):
-            return None
-        return set(listed.split())
+    def _arrived(self, job: str) -> bool:
+        """Whether a worker of the job is known."""
+        return any(str(seen) == job or str(seen).startswith(f"{job}-") for seen in self.observed)
 
     def _said(self, job: Any) -> str:
         if job.job_id is None:
@@ -142,13 +171,8 @@ class Upkeep(Adaptive):  # type: ignore[misc]
         return ": ".join(words) + f"; see {log} and launcher.setup"
 
 
-def _arrived(name: str, observed: Any) -> bool:
-    """Whether a worker of a job is known; of several processes each has the job's name and a number."""
-    return any(str(o) == name or str(o).startswith(f"{name}-") for o in observed)
-
-
 @contextmanager
-def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
+def slurm_workers(launcher: Slurm) -> Iterator[tuple[Cluster, Upkeep]]:
     """A scheduler in this process, and SLURM jobs whose workers connect to it; they are cancelled with the block."""
     if shutil.which("sbatch") is None:
         raise UsageError("launcher=slurm: there is no sbatch here; start gpsim where SLURM's commands are")
@@ -157,16 +181,30 @@ def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
         with disk_errors(logs, "launcher.logs"):
             logs.mkdir(parents=True, exist_ok=True)
             keys = stack.enter_context(cluster_keys(logs))
-        yield SlurmWorkers(stack.enter_context(_cluster(launcher, keys)), launcher)
+        cluster = _cluster(launcher, keys)
+        stack.callback(_close, cluster)
+        upkeep = cluster.adapt(
+            Adaptive=Upkeep,
+            minimum_jobs=launcher.minimum,
+            maximum_jobs=launcher.maximum,
+            interval="1s",
+            wait_count=10,
+        )
+        upkeep.logs = logs
+        yield cluster, upkeep
 
 
-@contextmanager
-def _cluster(launcher: Slurm, keys: Security) -> Iterator[Cluster]:
+def _close(cluster: Cluster) -> None:
+    with suppress(Exception):  # SLURM may be away: its jobs end when they miss their scheduler
+        cluster.close(timeout=20)
+
+
+def _cluster(launcher: Slurm, keys: Security) -> Cluster:
     """Dask's cluster, which takes orders from whoever has the keys."""
     # One address, which workers are told; without a host it would listen on all that the machine has.
     reached = {"interface": launcher.interface} if launcher.interface else {"host": get_ip()}
     try:
-        cluster = Cluster(
+        return Cluster(
             queue=launcher.queue,
             account=launcher.account,
             walltime=launcher.walltime,
@@ -187,8 +225,3 @@ def _cluster(launcher: Slurm, keys: Security) -> Iterator[Cluster]:
         )
     except (ValueError, OSError, RuntimeError) as error:
         raise UsageError(f"launcher=slurm: {' '.join(str(error).split())[:300]}") from error
-    try:
-        yield cluster
-    finally:
-        with suppress(Exception):  # SLURM may be away: its jobs end when they miss their scheduler
-            cluster.close(timeout=20)

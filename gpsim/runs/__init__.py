@@ -3,11 +3,18 @@
 from gpsim.runs.catalogue import Catalogue, Entry, entry_at, read_catalogue, size_of
 from gpsim.runs.comparison import ABSENT, Difference, Making, compared, nearest
 from gpsim.runs.figures import figures_of
-from gpsim.runs.lineage import children, dependents, missing_parents, parents
-from gpsim.runs.naming import named
-from gpsim.runs.removing import Removal, collect_garbage, garbage, removal_of, remove
-from gpsim.runs.standing import LoopStatus, Standing
-from gpsim.runs.told import Beside, Compared, Listed, Listing, Parent, Removed, Shown
+from gpsim.runs.lineage import (
+    Removal,
+    children,
+    collect_garbage,
+    dependents,
+    garbage,
+    named,
+    parents,
+    removal_of,
+    remove,
+)
+from gpsim.runs.told import Beside, Compared, Listed, Listing, LoopStatus, Parent, Removed, Shown, Standing
 
 __all__ = [
     "ABSENT",
@@ -32,7 +39,6 @@ __all__ = [
     "entry_at",
     "figures_of",
     "garbage",
-    "missing_parents",
     "named",
     "nearest",
     "parents",

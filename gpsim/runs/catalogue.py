@@ -89,15 +89,14 @@ class Entry:
             Need(role, parent.get("stage"), parent.get("sha256"), path=paths.get(role))
             for role, parent in self.manifest.get("parents", {}).items()
         ]
-        given = self.manifest.get("config", {}).get("recording")
+        config = self.manifest.get("config", {})
+        given = config.get("recording")
         if isinstance(given, dict) and given:  # a recording that was given by its folder: known by its files
             found.append(Need("recording", files={str(name): str(digest) for name, digest in given.items()}))
         for one in (
-            self.manifest.get("config", {}).get("recordings") or ()
-        ):  # several that were judged together
-            if isinstance(one, dict) and isinstance(
-                one.get("files"), dict
-            ):  # a fleet names diagnoses instead
+            config.get("recordings") or ()
+        ):  # several that were judged together; a fleet names diagnoses
+            if isinstance(one, dict) and isinstance(one.get("files"), dict):
                 found.append(Need(f"recording {one.get('name')}", files=one["files"]))
         return tuple(found)
 
@@ -170,7 +169,8 @@ def entry_at(path: Path, root: Path, verify: bool = False) -> Entry:
     artifact, damage = None, None
     try:
         artifact = read_manifest(path)
-        damage = _missing(artifact)
+        lost = [name for name in artifact.manifest["files"] if not (path / name).is_file()]
+        damage = f"{path / lost[0]}: missing" if lost else None
         if verify:
             read_artifact(path)
     except UsageError as error:
@@ -212,20 +212,17 @@ def _artifacts_below(
         folder = links.pop().resolve() if linked else ahead.pop()
         if _seen(folder, seen):
             continue
-        if _is_artifact(folder) or (not linked and _is_version(folder, root)):
+        parts = folder.relative_to(root).parts if not linked and folder.is_relative_to(root) else ()
+        if _is_artifact(folder) or (len(parts) == PARTS and VERSION.fullmatch(folder.name)):
             yield folder
             continue
         shelves += [] if linked else [folder]
-        for path in _folders(folder):
+        try:
+            below = sorted(Path(e) for e in os.scandir(folder) if e.is_dir() and e.name[0] != ".")
+        except OSError as error:
+            raise unreadable(folder, error) from error
+        for path in below:
             (links if linked or path.is_symlink() else ahead).append(path)
-
-
-def _folders(folder: Path) -> list[Path]:
-    """Folders below a folder, and links to folders; hidden ones are left out. Raises UsageError."""
-    try:
-        return sorted(Path(entry) for entry in os.scandir(folder) if entry.is_dir() and entry.name[0] != ".")
-    except OSError as error:
-        raise unreadable(folder, error) from error
 
 
 def _seen(folder: Path, seen: set[tuple[int, int]]) -> bool:
@@ -247,18 +244,6 @@ def _is_artifact(folder: Path) -> bool:
         return False
     except (OSError, UsageError):  # it is there, and cannot be read: `entry_at` says so
         return True
-
-
-def _is_version(folder: Path, root: Path) -> bool:
-    if not folder.is_relative_to(root) or not VERSION.fullmatch(folder.name):
-        return False
-    return len(folder.relative_to(root).parts) == PARTS
-
-
-def _missing(artifact: Artifact) -> str | None:
-    """What is not there of the files that a manifest names, in words."""
-    lost = [name for name in artifact.manifest["files"] if not (artifact.path / name).is_file()]
-    return f"{artifact.path / lost[0]}: missing" if lost else None
 
 
 def _moment(text: str) -> float | None:

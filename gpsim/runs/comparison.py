@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Recipe
@@ -78,15 +78,13 @@ def differences(old: Making, new: Making) -> tuple[Difference, ...]:
     Parents are given by their digests, "" for one that is not made yet.
     """
     settings = list(_keys("setting", old.config, new.config))
-    found = [
+    return (
         *_keys("stage", {"stage": old.stage}, {"stage": new.stage}),
-        *(d for d in settings if d.kind == "setting"),
-        *(d for d in settings if d.kind == "file"),
+        *(d for kind in ("setting", "file") for d in settings if d.kind == kind),
         *_keys("seed", old.seeds, new.seeds),
         *_keys("parent", old.parents, new.parents),
         *_keys("code", {"format": old.format, "code": old.code}, {"format": new.format, "code": new.code}),
-    ]
-    return tuple(found)
+    )
 
 
 def nearest(
@@ -101,20 +99,26 @@ def compared(catalogue: Catalogue, one: Entry, other: Entry) -> tuple[Difference
     """Every key in which two finished artifacts differ: what they were made from, by what, and what came out."""
     assert one.artifact is not None
     assert other.artifact is not None
-    recipe = differences(Making.of(one.artifact), Making.of(other.artifact))
-    where = _places(catalogue, one), _places(catalogue, other)
+    where = [
+        {
+            need.role: parent.name if parent is not None else f"{need.stage} {str(need.digest)[:12]}"
+            for need, parent in parents(catalogue, entry)
+        }
+        for entry in (one, other)
+    ]
     old, new = one.manifest, other.manifest
+    files = (dict(sorted(manifest["files"].items())) for manifest in (old, new))
     return (
         *(
-            Difference(d.kind, d.key, *(place.get(d.key, ABSENT) for place in where))
+            replace(d, old=where[0].get(d.key, ABSENT), new=where[1].get(d.key, ABSENT))
             if d.kind == "parent"
             else d
-            for d in recipe
+            for d in differences(Making.of(one.artifact), Making.of(other.artifact))
         ),
         *_keys("code", {"commit": old.get("git_commit")}, {"commit": new.get("git_commit")}),
         *_keys("package", old.get("packages") or {}, new.get("packages") or {}),
         *_keys("figure", figures_of(one.path), figures_of(other.path)),
-        *_flat_keys("content", old["files"], new["files"]),
+        *_keys("content", *files),
     )
 
 
@@ -127,13 +131,6 @@ def flat(content: Any, above: tuple[str, ...] = ()) -> dict[tuple[str, ...], Any
     return {above: content}
 
 
-def _places(catalogue: Catalogue, entry: Entry) -> dict[str, str]:
-    return {
-        need.role: parent.name if parent is not None else f"{need.stage} {str(need.digest)[:12]}"
-        for need, parent in parents(catalogue, entry)
-    }
-
-
 def _keys(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Difference]:
     """Differing keys of nested mappings, in their order; a setting that is a sha256 is that of a file."""
     before, after = flat(old) if old else {}, flat(new) if new else {}
@@ -142,7 +139,3 @@ def _keys(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterato
         if canonical(values[0]) != canonical(values[1]):
             a_file = kind == "setting" and any(isinstance(v, str) and _SHA256.fullmatch(v) for v in values)
             yield Difference("file" if a_file else kind, ".".join(way), *values)
-
-
-def _flat_keys(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Difference]:
-    yield from _keys(kind, dict(sorted(old.items())), dict(sorted(new.items())))

@@ -42,7 +42,8 @@ def _diagnosis(path: Path) -> Figures:
     share = ((content.get("explained") or {}).get("rollout") or {}).get("share")
     if share is not None:
         found["explained"] = float(share)
-    wheres = [f"{e['family']} on {_joined(e['on'])}" for e in content["effects"]]
+    ons = [e["on"] if isinstance(e["on"], str) else ", ".join(e["on"]) for e in content["effects"]]
+    wheres = [f"{e['family']} on {on}" for e, on in zip(content["effects"], ons, strict=True)]
     found["effects"] = "; ".join(wheres)
     for effect, where in zip(content["effects"], wheres, strict=True):
         for name, parameter in effect["parameters"].items():
@@ -55,10 +56,6 @@ def _diagnosis(path: Path) -> Figures:
                 told = {key: fit.get(key) for key in ("before", "after", "after_gp", "noise_floor")}
                 found |= _numbers(told, (layer, channel))
     return found
-
-
-def _joined(on: Any) -> str:
-    return on if isinstance(on, str) else ", ".join(on)
 
 
 def _last_row(path: Path) -> Figures:

@@ -1,4 +1,4 @@
-"""What is told of runs/, as plain data: every field is a text, a number, a mapping or a tuple of such."""
+"""What is told of runs/ and of what a configuration asks for: texts, numbers, mappings and tuples of such."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from typing import Any, Literal
 
 from gpsim.files import Json
 from gpsim.runs.comparison import Difference
-
-State = Literal["finished", "stale", "broken"]
 
 
 @dataclass(frozen=True)
@@ -24,7 +22,7 @@ class Listed:
     path: str
     experiment: str | None
     stage: str
-    state: State
+    state: Literal["finished", "stale", "broken"]
     says: str
     made: str | None
     seconds: float | None
@@ -100,3 +98,41 @@ class Removed:
     beside: tuple[Beside, ...]
     bytes: int
     dry_run: bool
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How it stands with one artifact of the configuration.
+
+    state: `there`, nothing is to be done; `to make`, at once; `waits` for parents that are not made; `refused`: what
+    the command would say is in `refusal`. path: of the artifact that is there, or that `--out` names; nearest: the
+    newest artifact of the stage with the fewest differing keys, and `differences` from it to what is asked for, as far
+    as is known before the parents are made; None and () where there is none. waits_for: jobs or stages,
+    make_first: what makes the first of them; command: what makes it.
+    """
+
+    job: str
+    stage: str
+    state: Literal["there", "to make", "waits", "refused"]
+    command: str
+    path: str | None = None
+    nearest: str | None = None
+    differences: tuple[Difference, ...] = ()
+    waits_for: tuple[str, ...] = ()
+    make_first: str | None = None
+    refusal: str | None = None
+
+
+@dataclass(frozen=True)
+class LoopStatus:
+    """How it stands with every artifact of a loop, in the order of their making; command: what makes them all."""
+
+    experiment: str
+    runs_dir: str
+    seeds: tuple[int, ...]
+    standings: tuple[Standing, ...]
+    command: str
+
+    def count(self, *states: str) -> int:
+        """How many artifacts are in one of these states."""
+        return sum(standing.state in states for standing in self.standings)

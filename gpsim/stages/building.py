@@ -89,20 +89,18 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
 def make_task(config: Mapping[str, Any]) -> Task:
     """The task."""
     section = config["task"]
-    name, simulator, task = str(section["name"]), open_simulator(_name(config)), _task(section)
+    name, simulator = section["name"], open_simulator(_name(config))
+    task: Task
+    if isinstance(name, str) and is_gym_task(name):
+        task = build(GymTask, section, "task", reference=name)
+    else:
+        task = build(TASKS[choice(name, tuple(TASKS), "task.name")], section, "task")
     _check_fits(f"task {name}", task, simulator)
     if isinstance(task, GymTask) and not math.isclose(task.dt, config["simulator"]["dt"], rel_tol=1e-9):
         raise UsageError(
             f"simulator.dt={config['simulator']['dt']}: {name} takes control steps of {task.dt:g} s"
         )
     return task
-
-
-def _task(section: Mapping[str, Any]) -> Task:
-    name = section["name"]
-    if isinstance(name, str) and is_gym_task(name):
-        return build(GymTask, section, "task", reference=name)
-    return build(TASKS[choice(name, tuple(TASKS), "task.name")], section, "task")
 
 
 def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
@@ -206,18 +204,12 @@ def measured_on(request: Request) -> str | None:
     imported = request.config["collect"]["source"] is not None
     if not drivable(request.config) or (given is None and not imported):
         return None
-    if given is not None and _driven(Path(str(given))) == target:
-        return None
+    if given is not None and (Path(str(given)) / MANIFEST).is_file():
+        made = read_manifest(Path(str(given)))
+        if made.stage == "collect" and made.manifest["config"].get("target") == target:  # gpsim drove it
+            return None
     name = target["name"]
     return f"the stand-in {name}, not on what was recorded; choose target=recording to judge by the recording"
-
-
-def _driven(recording: Path) -> Any:
-    """The target that gpsim drove for a recording; None where it did not."""
-    if not (recording / MANIFEST).is_file():
-        return None
-    made = read_manifest(recording)
-    return made.manifest["config"].get("target") if made.stage == "collect" else None
 
 
 GP_OF_THE_STAGE = ("n_train", "inputs", "settle", "filter", "chain", "observations")

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from safetensors.numpy import load_file
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
@@ -101,11 +100,6 @@ def notes(artifact: Artifact) -> list[str]:
     return lines
 
 
-def read_certified(artifact: Artifact) -> BoolArray:
-    """(N,) True on certified starts."""
-    return pd.read_csv(artifact.path / "certified.csv")["certified"].to_numpy(dtype=np.bool_)
-
-
 STAGE = Stage("certify", recipe, write, notes, format=1)
 
 
@@ -136,8 +130,25 @@ def drive_all(
         name: take_trips(target, task, acts[name], start, generator(seed, "evaluate/returns"))
         for name in names
     }
-    _table(trips, behind(task, start)).to_csv(folder / TRIPS, index=False, lineterminator="\n")
-    rows = _one_place(task, start)
+    away = behind(task, start).astype(int)
+    tables = [
+        pd.DataFrame(
+            {
+                "policy": name,
+                "start": np.arange(len(trip.steps)),
+                "behind": away,
+                "reached": trip.reached.astype(int),
+                "steps": trip.steps.astype(int),
+                "path": trip.path,
+                "return": trip.returns,
+            }
+        )
+        for name, trip in trips.items()
+    ]
+    pd.concat(tables, ignore_index=True).to_csv(folder / TRIPS, index=False, lineterminator="\n")
+    nearest = int(np.argmin(np.hypot(start.states[:, 0], start.states[:, 1])))  # the place in the middle
+    first = nearest - nearest % task.evaluation_headings
+    rows = np.arange(first, min(first + task.evaluation_headings, len(start.states)))  # one a heading
     shown = Start(start.states[rows], start.context[rows])
     paths: dict[str, FloatArray] = {"goal": shown.context}
     for name in names:
@@ -149,54 +160,17 @@ def drive_all(
     return trips
 
 
-def facing_away(request: Request) -> BoolArray:
-    """(N,): evaluation starts that face away from the goal."""
-    task = goal_task(request)
-    assert task is not None
-    return behind(task, evaluation_starts(request))
-
-
 def read_trips(artifact: Artifact) -> tuple[dict[str, dict[str, np.ndarray]], BoolArray]:
     """Part (reached, steps, path) -> policy -> (N,), and which starts face away from the goal (N,)."""
     table = pd.read_csv(artifact.path / TRIPS)
-    found: dict[str, dict[str, np.ndarray]] = {"reached": {}, "steps": {}, "path": {}}
+    parts = {"reached": np.bool_, "steps": np.float64, "path": np.float64}
+    found: dict[str, dict[str, np.ndarray]] = {part: {} for part in parts}
     away = np.zeros(0, dtype=np.bool_)
     for name, rows in table.groupby("policy", sort=False):
-        found["reached"][str(name)] = rows["reached"].to_numpy(dtype=np.bool_)
-        found["steps"][str(name)] = rows["steps"].to_numpy(dtype=np.float64)
-        found["path"][str(name)] = rows["path"].to_numpy(dtype=np.float64)
+        for part, kind in parts.items():
+            found[part][str(name)] = rows[part].to_numpy(dtype=kind)
         away = rows["behind"].to_numpy(dtype=np.bool_)
     return found, away
-
-
-def read_paths(artifact: Artifact) -> dict[str, FloatArray]:
-    """Goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3)."""
-    return dict(load_file(artifact.path / PATHS))
-
-
-def _table(trips: Mapping[str, Trips], away: BoolArray) -> pd.DataFrame:
-    frames = [
-        pd.DataFrame(
-            {
-                "policy": name,
-                "start": np.arange(len(trip.steps)),
-                "behind": away.astype(int),
-                "reached": trip.reached.astype(int),
-                "steps": trip.steps.astype(int),
-                "path": trip.path,
-                "return": trip.returns,
-            }
-        )
-        for name, trip in trips.items()
-    ]
-    return pd.concat(frames, ignore_index=True)
-
-
-def _one_place(task: GoalReaching, start: Start) -> np.ndarray:
-    """The starts of the place nearest to the middle, one a heading."""
-    nearest = int(np.argmin(np.hypot(start.states[:, 0], start.states[:, 1])))
-    first = nearest - nearest % task.evaluation_headings
-    return np.arange(first, min(first + task.evaluation_headings, len(start.states)))
 
 
 def what_is_open(request: Request, recipe: Recipe) -> PosteriorPlant:

@@ -7,24 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
 from gpsim.artifacts import Recipe
+from gpsim.channels import FloatArray
 from gpsim.corrected import CorrectedPlant, Features, GpCorrection
 from gpsim.environments import (
     Act,
     ActiveSettings,
     Model,
+    Sweep,
     as_sensed,
     collect_actively,
     collect_episodes,
     dithered_actor,
+    drive_plan,
     first_of,
     policy_actor,
     random_actor,
 )
 from gpsim.errors import UsageError
-from gpsim.files import Json
-from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.recordings import Episode, write_recording
+from gpsim.files import Json, written_whole
+from gpsim.gp import Predictor, fit_outputs
+from gpsim.recordings import ChannelSource, Episode, parse_mapping, write_recording
+from gpsim.recordings.export import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.settings import build, choice, number, positive
 from gpsim.stages import building, train_source
 from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
@@ -32,14 +39,17 @@ from gpsim.stages.import_log import (
     changes_of,
     logs_of,
     read_configured,
+    read_logs,
     read_mapping,
+    resolved_mapping,
     salvages,
     source_digests,
     write_import,
 )
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import check_sweep, run_sweep, sweep_mapping
+from gpsim.targets import Limo
+from gpsim.tasks import GoalReaching
 
 ACTIVE = "active"
 ON_THE_WAY = 60  # iterations of a fit
@@ -56,38 +66,20 @@ def active_settings(request: Request) -> ActiveSettings:
     return build(ActiveSettings, request.config["active"], "active")
 
 
-def drive_actively(request: Request) -> tuple[Episode, ...]:
-    """Episodes on the stand-in, driven to where the Gaussian processes of `gp` are least sure."""
-    settings, task = active_settings(request), make_task(request.config).on_target()
-    rng = generator(request.seed, "collect/active")
-    return collect_actively(
-        target_plant(request.config),
-        task,
-        lambda episodes: _fitted(request, settings, episodes),
-        settings,
-        rng,
-        request.progress,
-    )
-
-
-def _quick(settings: FitSettings) -> FitSettings:
-    """A fit on the way says where to drive next; the one that counts is fit-gp's."""
-    return replace(
-        settings, restarts=min(settings.restarts, 1), max_iterations=min(settings.max_iterations, ON_THE_WAY)
-    )
-
-
 def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episode]) -> Model:
     """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
     base = base_plant(request.config)
     residuals = residuals_of(base, episodes, generator(request.seed, "collect/active/order"))
     features = Features.of(building.input_names(request), residuals.channels)
-    rows = residuals.training_rows(settings.n_train)
+    rows, fit = residuals.training_rows(settings.n_train), building.fit_settings(request)
+    # A fit on the way says where to drive next; the one that counts is fit-gp's.
+    most = min(fit.max_iterations, ON_THE_WAY)
+    quick = replace(fit, restarts=min(fit.restarts, 1), max_iterations=most)
     try:
         gps = fit_outputs(
             features(residuals.inputs[rows]),
             residuals.values[rows],
-            _quick(building.fit_settings(request)),
+            quick,
             generator(request.seed, "collect/active/fit"),
         )
     except ValueError as error:
@@ -98,15 +90,24 @@ def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episo
     return Model(plant, predictor, features)
 
 
+ROS1_BAG, ROS2_BAG, PLAN = Path("bags/drive.bag"), Path("bags/drive_ros2"), "plan.csv"
 DRIVERS = ("source", "random", "dithered", "sweep")
 
 
 def recipe(request: Request) -> Recipe:
     """The target, the task and who drives; or the logs and how they are read."""
-    if request.config["collect"]["source"] is not None:
-        return _import_recipe(request)
+    section = request.config["collect"]
+    if section["source"] is not None:
+        mapping, changes = _mapping(request), changes_of(section)
+        read = {
+            "mapping": read_mapping(mapping) if mapping is not None else None,
+            "salvage": salvages(section),
+            "changes": changes,
+            "sources": source_digests(_sources(request), mapping, changes),
+        }
+        return Recipe("collect", {"import": read}, {}, {})
     check(request)
-    driver = request.config["collect"]["policy"]
+    driver = section["policy"]
     by_policy = driver not in ("random", "sweep") and not active(request)
     parents = {"policy": train_source.STAGE.need(request.having(variant="source"))} if by_policy else {}
     config = request.section("simulator", "target", "task", "collect")
@@ -131,15 +132,26 @@ def check(request: Request) -> None:
     section = request.config["collect"]
     changes_of(section), salvages(section)
     if section["source"] is not None:
-        _check_logs(request)
+        if (mapping := _mapping(request)) is not None:
+            read_mapping(mapping)
+        for source in _sources(request):
+            try:
+                source.stat()
+            except OSError as error:
+                raise UsageError(f"collect.source: {source}: cannot be read ({error.strerror})") from error
         return
     target_plant(request.config)
-    _check_sensors(section)
+    if section["transitions"] is not None:
+        positive(section["transitions"], "collect.transitions")
+    if not number(section["noise"], "collect.noise") >= 0:
+        raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
+    if not 0 <= number(section["missing"], "collect.missing") < 1:
+        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
     if active(request):
         active_settings(request)
         building.check_gp(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
-        check_sweep(request.config)
+        _commands(request.config), _car_and_topics(request.config)
     else:
         positive(section["episodes"], "collect.episodes")
         if not 0 <= number(section["dither"], "collect.dither") <= 1:
@@ -155,10 +167,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     section: dict[str, Any] = request.config["collect"]
     if section["policy"] == "sweep" and not active(request):
         return run_sweep(request, folder)
-    base = base_plant(request.config)
-    episodes, driver = _driven(request, recipe), ACTIVE
-    if not active(request):
-        driver = section["policy"]
+    base, driver = base_plant(request.config), ACTIVE if active(request) else section["policy"]
+    episodes = _driven(request, recipe)
     sensed, noise = as_sensed(
         first_of(episodes, section["transitions"]),
         base.state,
@@ -173,8 +183,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
     """The episodes, as they truly were."""
-    if active(request):
-        return drive_actively(request)
+    if active(request):  # to where the Gaussian processes of `gp` are least sure
+        settings = active_settings(request)
+        return collect_actively(
+            target_plant(request.config),
+            make_task(request.config).on_target(),
+            lambda episodes: _fitted(request, settings, episodes),
+            settings,
+            generator(request.seed, "collect/active"),
+            request.progress,
+        )
     section = request.config["collect"]
     return collect_episodes(
         target_plant(request.config),
@@ -183,37 +201,6 @@ def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
         positive(section["episodes"], "collect.episodes"),
         generator(request.seed, "collect/episodes"),
     )
-
-
-def _check_sensors(section: Mapping[str, Any]) -> None:
-    if section["transitions"] is not None:
-        positive(section["transitions"], "collect.transitions")
-    if not number(section["noise"], "collect.noise") >= 0:
-        raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
-    if not 0 <= number(section["missing"], "collect.missing") < 1:
-        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
-
-
-def _import_recipe(request: Request) -> Recipe:
-    section, mapping = request.config["collect"], _mapping(request)
-    config = {
-        "mapping": read_mapping(mapping) if mapping is not None else None,
-        "salvage": salvages(section),
-        "changes": changes_of(section),
-        "sources": source_digests(_sources(request), mapping, changes_of(section)),
-    }
-    return Recipe("collect", {"import": config}, {}, {})
-
-
-def _check_logs(request: Request) -> None:
-    mapping = _mapping(request)
-    if mapping is not None:
-        read_mapping(mapping)
-    for source in _sources(request):
-        try:
-            source.stat()
-        except OSError as error:
-            raise UsageError(f"collect.source: {source}: cannot be read ({error.strerror})") from error
 
 
 def _sources(request: Request) -> list[Path]:
@@ -234,6 +221,90 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     if section["policy"] == "source":
         return actor
     return dithered_actor(actor, task, float(section["dither"]), rng)
+
+
+def plan_table(config: Mapping[str, Any]) -> pd.DataFrame:
+    """One row a control step: t [s] and the commanded channels, in the order in which a robot plays them."""
+    (_, plan), base = _commands(config), base_plant(config)
+    columns = {name: plan[:, i] for i, name in enumerate(base.action.names)}
+    return pd.DataFrame({"t": np.round(base.dt * np.arange(len(plan)), 9)} | columns)
+
+
+def write_plan(config: Mapping[str, Any], path: Path) -> int:
+    """Write the plan to a new CSV file; returns the number of its rows."""
+    if path.exists():
+        raise UsageError(f"--plan {path}: exists already; choose another file")
+    table = plan_table(config)
+    try:
+        with written_whole(path) as made:
+            table.to_csv(made, index=False, lineterminator="\n")
+    except OSError as error:
+        raise UsageError(f"--plan {path}: cannot be written: {error.strerror or error}") from error
+    return len(table)
+
+
+def run_sweep(request: Request, folder: Path) -> Json:
+    """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
+    task, commands = _commands(request.config)
+    target, topics = _car_and_topics(request.config)
+    log, returns = drive_plan(target, commands, task.floor, generator(request.seed, "collect/episodes"))
+    plan_table(request.config).to_csv(folder / PLAN, index=False, lineterminator="\n")
+    (folder / ROS1_BAG).parent.mkdir()
+    write_ros1_bag(folder / ROS1_BAG, log, topics)
+    write_ros2_bag(folder / ROS2_BAG, log, topics)
+    changes = changes_of(request.config["collect"])
+    recording, report, _ = read_logs([folder / ROS1_BAG], sweep_mapping(request.config), changes)
+    write_import(recording, report, folder)
+    return {"transitions": recording.transition_count, "put_back": returns}
+
+
+def sweep_mapping(config: Mapping[str, Any]) -> str:
+    """The mapping through which a sweep's bag is read, by name or file; raises UsageError where there is none."""
+    mapping = config["collect"]["mapping"]
+    if mapping is None:
+        raise UsageError(
+            "collect.policy=sweep: name the mapping that reads its bag: collect.mapping=limo_optitrack"
+        )
+    return str(mapping)
+
+
+def _commands(config: Mapping[str, Any]) -> tuple[GoalReaching, FloatArray]:
+    """The task, whose bounds of speed and turn rate a sweep needs, and the commands."""
+    task, section = make_task(config), config["collect"]
+    if not isinstance(task, GoalReaching):
+        raise UsageError(
+            "a sweep needs the bounds of speed and turn rate that the Limo's task has: choose experiment=limo"
+        )
+    if "speeds" not in section:
+        raise UsageError("collect: no sweep is configured; choose experiment=limo")
+    sweep = Sweep(*(positive(section[key], f"collect.{key}") for key in ("speeds", "turns", "hold")))
+    low, high = np.array([task.speed, task.turn], dtype=np.float64).T
+    return task, sweep.commands(low, high)
+
+
+def _car_and_topics(config: Mapping[str, Any]) -> tuple[Limo, Topics]:
+    """What is driven, and the topics that the mapping with its changes will look for: of commands and of poses."""
+    target, base = target_plant(config), base_plant(config)
+    if not isinstance(target, Limo):
+        raise UsageError(
+            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
+        )
+    name = sweep_mapping(config)
+    plan = parse_mapping(resolved_mapping(name, changes_of(config["collect"])), f"mapping {name}")
+    command = _one_topic(name, plan.action, base.action.names)
+    return target, Topics(command=command, pose=_one_topic(name, plan.state, base.state.names))
+
+
+def _one_topic(mapping: str, sources: Sequence[ChannelSource], wanted: tuple[str, ...]) -> str:
+    channels, topics = [source.channel.name for source in sources], {source.topic for source in sources}
+    topic = next(iter(topics), None)
+    if channels != list(wanted) or len(topics) != 1 or topic is None:
+        said = ", ".join(f"{source.channel.name} (topic {source.topic})" for source in sources)
+        raise UsageError(
+            f"collect.mapping={mapping}: a sweep's bag holds {', '.join(wanted)} under one topic, the mapping looks "
+            f"for {said}; choose collect.mapping=limo_optitrack, or the same topic for all of them (collect.changes)"
+        )
+    return topic
 
 
 STAGE = Stage("collect", recipe, write, format=1)

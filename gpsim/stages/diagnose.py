@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Recipe, read_artifact
+from gpsim.artifacts import Recipe, read_artifact
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
@@ -68,11 +68,6 @@ class Task:
         return bring([*installed(), *chain.from_iterable(map(read_effects, self.effects))])
 
 
-def make(request: Request, task: Task) -> tuple[Artifact, bool]:
-    """Diagnose a recording; the artifact, and whether it existed already."""
-    return stage_for(task).make(request)
-
-
 def stage_for(task: Task) -> Stage:
     """The stage for one recording and simulator."""
     return stage_about("diagnose", _recipe, _write, task, format=FORMAT, code=SOURCES)
@@ -116,7 +111,15 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
             f"{folder}: corrects {name}, which only the Python program knows that made it: load it there, as "
             "gpsim.Diagnosis.load(DIR, simulator)"
         )
-    _check_file(artifact, name)
+    # A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's.
+    source, diagnosed = source_file(name), artifact.manifest["config"].get("simulator_file")
+    missing = source is not None and not source.is_file()  # which open_simulator refuses
+    if diagnosed is not None and not missing and files_digest(name) != diagnosed:
+        changed = source or f"{name}, or what it includes,"
+        raise UsageError(
+            f"{artifact.path}: corrects the simulator {name} as its file was then, {changed} has changed since: "
+            "diagnose the recording again, or bring that file back"
+        )
     bring(again(content.get("effects", {}), str(folder)))
     return plant_of(
         content,
@@ -125,23 +128,18 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     )
 
 
-def _check_file(artifact: Artifact, simulator: str) -> None:
-    """A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's."""
-    source, diagnosed = source_file(simulator), artifact.manifest["config"].get("simulator_file")
-    if diagnosed is None or (source is not None and not source.is_file()):  # which open_simulator refuses
-        return
-    if files_digest(simulator) != diagnosed:
-        changed = source or f"{simulator}, or what it includes,"
-        raise UsageError(
-            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {changed} has changed since: "
-            "diagnose the recording again, or bring that file back"
-        )
-
-
 def open_recording(task: Task) -> tuple[Recording, Simulator]:
     """The recording and the simulator it is compared with; a bare CSV takes the simulator's channels and defaults."""
-    if task.together:
-        return _together(task)
+    if task.together:  # as one, and the simulator must be the same file for all of them
+        opened = {name: open_recording(part) for name, part in task.parts.items()}
+        (first, (_, simulator)), *others = opened.items()
+        for name, (_, other) in others:
+            if files_digest(other.name) != files_digest(simulator.name):
+                raise UsageError(
+                    f"{first} and {name} are of different models ({simulator.name} and {other.name}): several "
+                    "recordings are judged together against one; name it with --simulator, or judge each with --each"
+                )
+        return joined([recording for recording, _ in opened.values()], list(opened)), simulator
     path = task.recording
     if not path.exists():
         raise UsageError(
@@ -160,24 +158,10 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 
 
-def _together(task: Task) -> tuple[Recording, Simulator]:
-    """Several recordings as one, and the simulator, which must be the same file for all of them."""
-    opened = {name: open_recording(part) for name, part in task.parts.items()}
-    (first, (_, simulator)), *others = opened.items()
-    for name, (_, other) in others:
-        if files_digest(other.name) != files_digest(simulator.name):
-            raise UsageError(
-                f"{first} and {name} are of different models ({simulator.name} and {other.name}): several recordings "
-                "are judged together against one; name it with --simulator, or judge each with --each"
-            )
-    return joined([recording for recording, _ in opened.values()], list(opened)), simulator
-
-
 def _held_apart(recording: Recording, task: Task) -> Recording:
-    """The recording, with as much held out as where the diagnosis is compared with others, if that is something."""
-    if not task.test_fraction or task.episodes is not None:
-        return recording
-    return holding_out(recording, task.test_fraction)
+    """With as much held out as where the diagnosis is compared with others, if that is something."""
+    apart = bool(task.test_fraction) and task.episodes is None
+    return holding_out(recording, task.test_fraction or 0.0) if apart else recording
 
 
 def _first(recording: Recording, episodes: int | None) -> Recording:
@@ -200,8 +184,17 @@ def _recipe(request: Request, task: Task) -> Recipe:
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
     name = simulator_name(task.simulator, recording, folder)
+    recorded: Json = {"recording": digests_of(task, folder)}
+    if task.together:
+        parts = [(name, part, part.recording) for name, part in task.parts.items()]
+        recorded = {
+            RECORDINGS: [
+                {"name": name, "files": digests_of(part, path if path.is_dir() else path.parent)}
+                for name, part, path in parts
+            ]
+        }
     config: Json = {
-        **_recorded(task, folder),
+        **recorded,
         "simulator": name,
         "simulator_file": files_digest(name),
         "episodes": task.episodes,
@@ -215,19 +208,6 @@ def _recipe(request: Request, task: Task) -> Recipe:
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
-
-
-def _recorded(task: Task, folder: Path) -> Json:
-    """What was recorded, by the digests of its files."""
-    if not task.together:
-        return {"recording": digests_of(task, folder)}
-    places = {name: part.recording for name, part in task.parts.items()}
-    folders = {name: path if path.is_dir() else path.parent for name, path in places.items()}
-    return {
-        RECORDINGS: [
-            {"name": name, "files": digests_of(part, folders[name])} for name, part in task.parts.items()
-        ]
-    }
 
 
 def digests_of(task: Task, folder: Path) -> dict[str, str]:

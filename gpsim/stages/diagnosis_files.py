@@ -105,21 +105,27 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
     mishaps = Mishaps(found.comparison.mishaps)
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
-    _write_trace(folder, found.decisions)
+    lines = [json.dumps(plain(asdict(decision))) for decision in found.decisions]
+    (folder / TRACE).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
     with mishaps.contained(
         f"{POSTERIOR} is left out: nothing can be planned, watched or drawn with this diagnosis"
     ):
         write_json(folder / POSTERIOR, left_open_data(posterior_of(found)))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
-        _write_process(folder, found)
+        if found.comparison.corrected is not None:
+            learnt = found.comparison.corrected.learnt
+            write_gp(folder, learnt.predictor, learnt.features)
     if len(mishaps.lines) > before:
         for half in set(folder.iterdir()) - there:
             half.unlink()
         gp = RemainderGp(used=False, beside=None, why_not=None, refused=NoGp("not written"))
         diagnosis = worded(replace(diagnosis, remainder=replace(diagnosis.remainder, gp=gp)))
         _write_result(folder, found, diagnosis, simulator)
-    pictures = _pictures(folder, diagnosis, found, mishaps)
+    pictures = drawn(diagnosis, found, mishaps)
+    (folder / FIGURES).mkdir()
+    for name, picture in pictures.items():
+        (folder / FIGURES / f"{name}.png").write_bytes(picture.png)
     model: Sequence[str] = ()
     with mishaps.contained("where effects go in the model is left out"):
         plant = replace(found.plant, ages=ages_of(found.question.recording))
@@ -136,12 +142,6 @@ def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator:
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
 
 
-def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:
-    """trace.jsonl: every decision of the search, a line each."""
-    lines = [json.dumps(plain(asdict(decision))) for decision in decisions]
-    (folder / TRACE).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-
-
 def read_trace(folder: Path) -> list[Decision]:
     """The decisions of a finished diagnosis; none of one by an earlier version."""
     path = folder / TRACE
@@ -151,21 +151,6 @@ def read_trace(folder: Path) -> list[Decision]:
     return [
         Decision(**row | {"candidate": tuple(row["candidate"]), "over": tuple(row["over"])}) for row in rows
     ]
-
-
-def _write_process(folder: Path, found: Outcome) -> None:
-    if found.comparison.corrected is not None:
-        learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features)
-
-
-def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
-    """Those that can be drawn, also below figures/."""
-    pictures = drawn(diagnosis, found, mishaps)
-    (folder / FIGURES).mkdir()
-    for name, picture in pictures.items():
-        (folder / FIGURES / f"{name}.png").write_bytes(picture.png)
-    return pictures
 
 
 def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
@@ -227,21 +212,16 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         recording = without_poses(recording)
         parameters = simulator.defaults(recording.parameters)
         sight = look(recording, simulator)
-        _check_names(simulator)
+        if "horizon_s" in simulator.state.names:  # the one key beside the state channels in `fit.rollout`
+            raise UsageError(
+                "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
+            )
         check_each_holds_out(recording)
         check_rates(sight.completed(recording), sight.simulator, parameters)
         rng = generator(question.seed, "diagnose")
         run = Run(question.settings, question.known, question.cores)
         found = diagnose(recording, simulator, parameters, rng, question.progress, run)
     return found if seen is None else replace(found, diagnosis=replace(found.diagnosis, kinematics=seen.told))
-
-
-def _check_names(simulator: Simulator) -> None:
-    """diagnosis.json has one key of its own beside the state channels (`fit.rollout`)."""
-    if "horizon_s" in simulator.state.names:
-        raise UsageError(
-            "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
-        )
 
 
 def title_of(recording: Recording) -> str:
@@ -270,7 +250,9 @@ def plant_of(content: Json, simulator: Simulator, process: Process | None = None
     """
     if isinstance(simulator, MjcfSimulator) and content.get("geometry"):
         simulator = simulator.in_geometry([_moved(each) for each in content["geometry"]])
-    simulator = wrapping(simulator, _wrapped(simulator.state, content.get("wraps", ())))
+    state = simulator.state  # which wraps where it does and where its recording said so
+    wraps = (*(c.name for c in state if c.wraps), *content.get("wraps", ()))
+    simulator = wrapping(simulator, Channels.of(state.units, wraps=wraps))
     if process is None or not content["gp"]:
         return plant_from(content, simulator)
     correction = GpCorrection(*process(simulator.state + simulator.action), "mean", sample_noise=False)
@@ -285,8 +267,3 @@ def _moved(content: Json) -> Moved:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(f"corrected.json: geometry: not what this version reads ({error!r})") from error
-
-
-def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
-    """A simulator's state channels, wrapping where they do and where their recording said so."""
-    return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,30 +12,39 @@ import pandas as pd
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, arrived_inputs
+from gpsim.diagnosis.assessment import replayed
+from gpsim.diagnosis.data import rebased
 from gpsim.environments import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import (
+    WARM_UP,
     AllTrips,
+    OneStep,
     Trips,
+    behind,
     compare,
     coverage_warnings,
     episode_returns,
     outside_range,
+    replay,
     robustness_lines,
     roll_out,
     start_sets,
     success_by_set,
     summarise_all,
+    windows_of,
 )
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.residuals import Residuals
+from gpsim.recordings import Recording, read_recording
+from gpsim.residuals import Residuals, either_wraps, holding_out
 from gpsim.settings import positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
+    building,
     certify,
     evaluate_deployed,
-    evaluate_recording,
     fit_gp,
     safety,
     train_gp_policy,
@@ -88,7 +98,7 @@ def recipe(request: Request) -> Recipe:
         return evaluate_deployed.recipe(request)
     check(request)
     if not drivable(request.config):
-        return evaluate_recording.recipe(request, with_effects=needs_diagnosis(request))
+        return _judged_recipe(request, needs_diagnosis(request))
     parents = {
         "residuals": build_residuals_stage.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
@@ -115,16 +125,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     if request.config["deployed"] is not None:
         return evaluate_deployed.write(request, recipe, folder)
     if not drivable(request.config):
-        return evaluate_recording.write(request, recipe, folder)
+        return _write_judged(request, recipe, folder)
     request.progress(0, 3, "one step")
     drivers = {"policy": "driver", "random": None} | (
         {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
     )
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
     gp = recipe.parents["gp"].path
-    scores = {name: evaluate_recording.scores(request, gp, visited[name]) for name in ("policy", "random")}
+    scores = {name: _scores(request, gp, visited[name]) for name in ("policy", "random")}
     residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    training = evaluate_recording.training_inputs(request, residuals)
+    training = _own_inputs(request, residuals)[fit_gp.rows_of(request, residuals)]
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
@@ -134,13 +144,29 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             request, recipe, folder, policy_names(request), _training_plants(request, recipe)
         )
     returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
-    certified = certify.read_certified(recipe.parents["certified"])
+    table = pd.read_csv(recipe.parents["certified"].path / "certified.csv")
+    certified = table["certified"].to_numpy(dtype=np.bool_)
     pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
     reached = {name: trip.reached[None] for name, trip in trips.items()} or None
     steps = full_return(make_task(request.config))
     by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
+    solved: dict[str, Any] = {}
+    task = certify.goal_task(request)
+    if task is not None:
+        away = behind(task, certify.evaluation_starts(request))  # which starts face away from the goal
+        parts = {
+            part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
+            for part in ("reached", "steps", "path")
+        }
+        solved = success_by_set(AllTrips(**parts, behind=away), by_set)
+    else:
+        solved["own_simulator"] = _promised(request, recipe)
+    safe: dict[str, Any] = {}
+    if safety.safe(request):
+        policy = recipe.parents[str(request.config["deploy"]["policy"])]
+        safe["safe_deployment"] = safety.safe_deployment(request, policy)
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
@@ -151,17 +177,12 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        **(
-            _success(trips, certify.facing_away(request), by_set)
-            if trips
-            else {"own_simulator": _promised(request, recipe)}
-        ),
+        **solved,
         "outside_recording": {
-            name: outside_range(evaluate_recording.own_inputs(request, data), training)
-            for name, data in visited.items()
+            name: outside_range(_own_inputs(request, data), training) for name, data in visited.items()
         },
         **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
-        **(_deployed_safely(request, recipe) if safety.safe(request) else {}),
+        **safe,
         "one_step": scores["policy"],
         "one_step_random": scores["random"],
         "rollout": rollout,
@@ -176,14 +197,6 @@ def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]
     table = pd.read_csv(artifact.path / "returns.csv", index_col="start")
     certified = table.pop("certified").to_numpy(dtype=np.bool_)
     return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
-
-
-def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, BoolArray]) -> dict[str, Any]:
-    parts = {
-        part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
-        for part in ("reached", "steps", "path")
-    }
-    return success_by_set(AllTrips(**parts, behind=away), sets)
 
 
 def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
@@ -211,11 +224,8 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
-    section, task, target = (
-        request.config["evaluate"],
-        make_task(request.config),
-        target_plant(request.config),
-    )
+    section, task = request.config["evaluate"], make_task(request.config)
+    target = target_plant(request.config)
     rng = generator(request.start_seed, "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
@@ -238,19 +248,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
 
 
 def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
-    task, target, start = (
-        make_task(request.config),
-        target_plant(request.config),
-        certify.evaluation_starts(request),
-    )
-    seed = request.start_seed
-
-    def returns(name: str) -> FloatArray:
+    task, target = make_task(request.config), target_plant(request.config)
+    start, found = certify.evaluation_starts(request), {}
+    for name in policy_names(request):
         act = policy_actor(read_policy(recipe.parents[name].path))
-        # The same noise for every policy: they are compared with one another.
-        return episode_returns(target, task, act, start, generator(seed, "evaluate/returns"))
-
-    return {name: returns(name) for name in policy_names(request)}
+        rng = generator(request.start_seed, "evaluate/returns")  # the same noise for all, which are compared
+        found[name] = episode_returns(target, task, act, start, rng)
+    return found
 
 
 def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
@@ -267,11 +271,6 @@ def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
     return found
 
 
-def _deployed_safely(request: Request, recipe: Recipe) -> dict[str, Any]:
-    policy = recipe.parents[str(request.config["deploy"]["policy"])]
-    return {"safe_deployment": safety.safe_deployment(request, policy)}
-
-
 def notes(artifact: Artifact) -> list[str]:
     """What was found of recorded deployments; or what was judged or measured on, and where to be wary."""
     evaluation = read_object(artifact.path / "evaluation.json")
@@ -285,6 +284,122 @@ def notes(artifact: Artifact) -> list[str]:
     if "safe_deployment" in evaluation:
         said += safety.safety_lines(evaluation["safe_deployment"])
     return [*said, *(f"warning: {text}" for text in warnings)]
+
+
+EVERY = slice(None)
+
+
+def _scores(
+    request: Request, gp_folder: Path, data: Residuals, rows: BoolArray | slice = EVERY
+) -> dict[str, Any]:
+    """Rate to the scores of mean and sample on `rows` of the transitions; commands arrive from the ones before, too."""
+    plant = train_gp_policy.corrected_plant(request, gp_folder)
+    correction = plant.correction
+    assert isinstance(correction, GpCorrection)
+    inputs, late = arrived_inputs(plant, data)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs[rows]))
+    result = OneStep(
+        data.values[rows],
+        mean + late[rows],
+        variance,
+        correction.predictor.noise_variances,
+        data.episode[rows],
+    )
+    rng = generator(request.start_seed, "evaluate/one-step/sample")
+    return {
+        name: result.scores(i, rng, sample_noise=correction.sample_noise)
+        for i, name in enumerate(data.rate.names)
+    }
+
+
+def _own_inputs(request: Request, data: Residuals) -> FloatArray:
+    """(N, D): the GPs' inputs of transitions."""
+    return Features.of(building.input_names(request), data.channels)(data.inputs)
+
+
+WHY = (
+    "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
+    "the robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
+)
+
+
+def _judged_recipe(request: Request, with_effects: bool) -> Recipe:
+    """The simulator and what corrects it; the policies are for the robot, not for this."""
+    parents = {"residuals": build_residuals_stage.STAGE.need(request), "gp": fit_gp.STAGE.need(request)}
+    if with_effects:
+        parents["diagnosis"] = find_diagnosis(request)
+    config = request.section("simulator", "target", "evaluate", "sample_noise", "gp")
+    return Recipe("evaluate", config, parents, {"seed": request.seed})
+
+
+def _write_judged(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write evaluation.json and rollouts.safetensors."""
+    data = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    held_out = bool(data.test.any())
+    judged = data.take(data.test) if held_out else data
+    request.progress(0, 2, "one step")
+    one_step = _scores(request, recipe.parents["gp"].path, data, data.test if held_out else EVERY)
+    request.progress(1, 2, "rollouts")
+    evaluation = {
+        "experiment": request.config["experiment"],
+        "seed": request.seed,
+        "seeds": [request.seed],
+        "judged_on": "held-out episodes"
+        if held_out
+        else "the training episodes: the recording holds nothing out",
+        "not_driven": WHY,
+        "one_step": one_step,
+        "rollout": _replayed_rollouts(request, recipe, judged, folder),
+    }
+    write_json(folder / "evaluation.json", plain(evaluation))
+    request.progress(2, 2, "done")
+    return {}
+
+
+def _replayed_rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
+    section, base = request.config["evaluate"], base_plant(request.config)
+    recording = read_recording(build_residuals_stage.recording_folder(request))
+    numbers = np.unique(judged.episode).tolist()
+    windows = windows_of(
+        safety.judged_episodes(holding_out(recording, build_residuals_stage.check(request)), numbers),
+        positive(section["rollout_steps"], "evaluate.rollout_steps"),
+        positive(section["rollouts"], "evaluate.rollouts"),
+        dt=recording.dt,
+        state=recording.state,
+    )
+    channels = either_wraps(base.state, recording.state)
+    rng = generator(request.start_seed, "evaluate/rollouts")
+    steps = windows.recorded.shape[1] - 1
+    found: dict[str, Any] = {
+        "horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt, "warm_up_s": WARM_UP * base.dt,
+    }  # fmt: skip
+    paths = {"Target": windows.recorded}
+    for name, plant in train_gp_policy.simulators_of(
+        request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
+    ).items():
+        if isinstance(plant, EffectsPlant):
+            places = [(numbers[i], t) for i, t in zip(windows.episode, windows.t, strict=True)]
+            paths[name] = _replayed(plant, recording, places, steps, recipe.parents["diagnosis"])
+        else:
+            paths[name] = replay(plant, windows, rng)
+        found[name] = compare(paths[name], windows.recorded, channels)
+    write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
+    return found
+
+
+def _replayed(
+    plant: EffectsPlant,
+    recording: Recording,
+    places: Sequence[tuple[int, float]],
+    steps: int,
+    diagnosis: Artifact,
+) -> FloatArray:
+    """Rollouts that begin in these episodes at these moments, on the clock that the diagnosis looked at."""
+    diagnosed = diagnosis.manifest["config"].get("episodes")
+    _, origin = rebased(replace(recording, episodes=recording.episodes[:diagnosed], held_out=None))
+    samples = [(i, int(np.searchsorted(recording.episodes[i].t, t))) for i, t in places]
+    moved = tuple(replace(episode, t=episode.t - origin) for episode in recording.episodes)
+    return replayed(plant, replace(recording, episodes=moved), samples, steps)
 
 
 STAGE = Stage("evaluate", recipe, write, notes, format=2)

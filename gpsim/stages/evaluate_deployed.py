@@ -113,7 +113,14 @@ def trips(recording: Recording, whole: bool) -> list[tuple[str, Episode]]:
     for episode in recording.episodes:
         log = origins.get(episode.name, {}).get("log")
         groups.setdefault(str(log) if whole and log else episode.name, []).append(episode)
-    return [(_name(recording, parts[0]), _joined(parts, origins)) for parts in groups.values()]
+    found = []
+    for parts in groups.values():
+        name, log = (
+            parts[0].name,
+            (origins.get(parts[0].name) or {}).get("log"),
+        )  # which is told where it is known
+        found.append((name if log is None else f"{name} ({log})", _joined(parts, origins)))
+    return found
 
 
 def _joined(parts: Sequence[Episode], origins: Mapping[str, Any]) -> Episode:
@@ -164,12 +171,6 @@ def notes(artifact: Artifact) -> list[str]:
     return [*lines, f"figure: {figure}"] if figure.is_file() else lines
 
 
-def _name(recording: Recording, episode: Episode) -> str:
-    """The log that an episode is from, where that is known."""
-    origin = (recording.provenance.get("sources") or {}).get(episode.name) or {}
-    return f"{episode.name} ({origin['log']})" if "log" in origin else episode.name
-
-
 def _sources(request: Request) -> list[Path]:
     return logs_of(request.config["deployed"], "deployed")
 
@@ -217,35 +218,31 @@ def replay(request: Request, logs: Sequence[Path]) -> Json:
     logs: raw ones, read by collect.mapping, or the folder of a recording.
     """
     safety.check(request)
-    recording, whole = _recorded(request, logs)
+    for log in logs:
+        if not log.exists():
+            raise UsageError(f"{log}: no such log; give a bag, a table, or the folder of a recording")
+    if len(logs) == 1 and (logs[0] / "recording.yaml").is_file():
+        recording, whole = read_recording(logs[0]), False
+    else:
+        recording, _, raw = read_configured(request.config["collect"], logs)
+        whole = (raw.get("episodes") or {}).get("by", "file") == "file"  # each of its logs is one drive
     drives = safety.watched(request, recording, trips(recording, whole))
     settings = safety.settings_of(request)
     return {"drives": drives, "stated_false_stops": settings.false_stops, "minutes": settings.minutes}
 
 
-def _recorded(request: Request, logs: Sequence[Path]) -> tuple[Recording, bool]:
-    """The recording, and whether each of its logs is one drive."""
-    for log in logs:
-        if not log.exists():
-            raise UsageError(f"{log}: no such log; give a bag, a table, or the folder of a recording")
-    if len(logs) == 1 and (logs[0] / "recording.yaml").is_file():
-        return read_recording(logs[0]), False
-    recording, _, raw = read_configured(request.config["collect"], logs)
-    return recording, (raw.get("episodes") or {}).get("by", "file") == "file"
-
-
 def replay_lines(found: Json) -> list[str]:
     """A line a drive, and how often nothing would have been stopped."""
-    lines = [_drive_line(drive) for drive in found["drives"]]
-    stopped = sum(drive["stopped_at"] is not None for drive in found["drives"])
+    lines, stopped = [], 0
+    for drive in found["drives"]:
+        if drive["stopped_at"] is None:
+            lines.append(f"{drive['drive']}: {drive['seconds']:.1f} s, not stopped")
+        else:
+            stopped += 1
+            at = f"stopped after {drive['stopped_at']:.2f} of {drive['seconds']:.1f} s"
+            lines.append(f"{drive['drive']}: {at} ({drive['why']})")
     lines.append(
         f"{stopped} of {len(found['drives'])} drives would have been stopped; stated: a false stop in "
         f"{found['minutes']:g} minutes with a probability of {found['stated_false_stops']:g} at most"
     )
     return lines
-
-
-def _drive_line(drive: dict[str, Any]) -> str:
-    if drive["stopped_at"] is None:
-        return f"{drive['drive']}: {drive['seconds']:.1f} s, not stopped"
-    return f"{drive['drive']}: stopped after {drive['stopped_at']:.2f} of {drive['seconds']:.1f} s ({drive['why']})"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +15,6 @@ from gpsim.evaluation import BETS, Monitor
 from gpsim.files import Json, write_json, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
-from gpsim.policies import Policy
 from gpsim.policies.export import to_onnx
 from gpsim.policies.ros_node import ros_node
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
@@ -33,13 +31,8 @@ SCHEMA = "gpsim.monitor/1"
 POSE, TWIST = ("x", "y", "yaw"), ("v_cmd", "w_cmd")
 
 
-def monitor_facts(request: Request) -> dict[str, Any]:
-    """The monitor as configured; raises UsageError for one that a node cannot predict with."""
-    return facts_of(safety.monitor_of(request, "export"))
-
-
 def facts_of(monitor: Monitor) -> dict[str, Any]:
-    """The predictor and what is usual; raises UsageError as above."""
+    """The predictor and what is usual; raises UsageError for a monitor that a node cannot predict with."""
     plant, usual = monitor.plant, monitor.usual
     if (plant.state.names, plant.action.names) != (POSE, TWIST):
         raise UsageError(
@@ -100,7 +93,7 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
         raise UsageError(
             f"--monitor: {path} has no ROS node that could carry one: it drives no vehicle to a goal"
         )
-    monitor = None if watched is None else monitor_facts(watched)
+    monitor = None if watched is None else facts_of(safety.monitor_of(watched, "export"))
     rate = 1.0 / float(config["simulator"]["dt"])
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
@@ -116,8 +109,11 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
                 origin["survives"] = survives
             write_json(made / "policy.json", origin)
             if has_node:
+                task = build(GoalReaching, config["task"], "task")
+                goal = (task.evaluation_goal[0], task.evaluation_goal[1])
+                text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor)
                 node = made / NODE
-                node.write_text(_node(policy, rate, config["task"]), encoding="utf-8")
+                node.write_text(text, encoding="utf-8")
                 node.chmod(0o755)
                 notes.append(f"{NODE}: a ROS 1 node that plays it, or a plan; its first lines say how")
             if monitor is not None:
@@ -126,12 +122,6 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return notes
-
-
-def _node(policy: Policy, rate: float, section: Mapping[str, Any]) -> str:
-    task = build(GoalReaching, section, "task")
-    x, y = task.evaluation_goal
-    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps, task.floor)
 
 
 FORMATS = ("mcap", "csv", "parquet")
@@ -211,7 +201,7 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
             f"write; drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
             f"`gpsim train-gp-policy diagnosis={folder}`"
         )
-    if _inside(out, artifact.path):
+    if artifact.path.resolve() in out.resolve().parents:
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
     correction = correction_of(plant, plant.simulator)
     source = {
@@ -227,10 +217,6 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
         *_notes(made, plant.terms == () and not corrected),
         *(f"{said} -> model" for said in corrected),
     ]
-
-
-def _inside(out: Path, folder: Path) -> bool:
-    return folder.resolve() in out.resolve().parents
 
 
 def _notes(made: Exported, nothing: bool) -> list[str]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -50,7 +50,9 @@ def export_diagnosis(
     artifact = read_artifact(folder, "diagnose")
     place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
     out = out or place.with_name(f"{place.name}.{form}")
-    _check_place(out, artifact.path)
+    new_place(out)
+    if artifact.path.resolve() in out.resolve().parents:
+        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
     if horizon is not None and not 0 < horizon < np.inf:
         raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
     found = diagnose.read_diagnosis(folder)
@@ -58,8 +60,13 @@ def export_diagnosis(
     plant = diagnose.read_corrected(folder)
     process = found.remainder.gp is None or found.remainder.gp.used
     with_gp = diagnose.read_corrected(folder, gp=True) if process else None
+    settings = Settings()  # the usual ones where an earlier version had others
+    with suppress(UsageError):
+        settings = read_settings(artifact.manifest["config"].get("settings") or {})
     with blamed(plant.simulator.name):
-        along = alongside(opened, plant, with_gp, horizon or found.fit.rollout.horizon_s, _run(artifact))
+        along = alongside(
+            opened, plant, with_gp, horizon or found.fit.rollout.horizon_s, Run(settings=settings)
+        )
     facts = {
         "verdict": found.verdict,
         "said": account_of(found).sentence,
@@ -78,12 +85,6 @@ def export_diagnosis(
     return out, _notes(opened, along, found, count, body is not None, plant.simulator.name)
 
 
-def _check_place(out: Path, folder: Path) -> None:
-    new_place(out)
-    if folder.resolve() in out.resolve().parents:
-        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
-
-
 def _opened(artifact: Artifact, recording: Path | None) -> Recording:
     """The recording that was diagnosed, byte for byte."""
     config = artifact.manifest["config"]
@@ -91,7 +92,8 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
         raise UsageError(
             f"{artifact.path}: judges several recordings together, and one is shown at a time: diagnose that one alone"
         )
-    place = recording or _remembered(artifact)
+    told = read_timings(artifact.path).get(diagnose.RECORDING)  # where nobody wrote it down, none
+    place = recording or (Path(told) if isinstance(told, str) else None)
     if place is None:
         raise UsageError(
             f"{artifact.path}: does not say where its recording lies; name it with --recording PATH"
@@ -106,21 +108,6 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
             "name that one with --recording PATH, or diagnose this one"
         )
     return diagnose.open_recording(task)[0]
-
-
-def _remembered(artifact: Artifact) -> Path | None:
-    """Where the recording lay when it was diagnosed; None where nobody wrote it down."""
-    told = read_timings(artifact.path).get(diagnose.RECORDING)
-    return Path(told) if isinstance(told, str) else None
-
-
-def _run(artifact: Artifact) -> Run:
-    """The settings of the diagnosis; the usual ones where an earlier version had others."""
-    given: Mapping[str, Any] = artifact.manifest["config"].get("settings") or {}
-    try:
-        return Run(settings=read_settings(given))
-    except UsageError:
-        return Run(settings=Settings())
 
 
 def _reach(recording: Recording) -> float:

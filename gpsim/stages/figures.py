@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -107,11 +106,13 @@ def diagnosis_figures(found: Diagnosis) -> Json:
         ],
         "fit": {
             "held_out": whole["fit"]["held_out"],
-            "one_step": {name: _errors(row) for name, row in whole["fit"]["one_step"].items()},
-            "rollout": {
-                name: _errors(row)
-                for name, row in whole["fit"]["rollout"].items()
-                if isinstance(row, Mapping)
+            **{
+                layer: {
+                    name: {key: row.get(key) for key in _OF_FIT}
+                    for name, row in whole["fit"][layer].items()
+                    if isinstance(row, Mapping)
+                }
+                for layer in ("one_step", "rollout")
             },
             "horizon_s": whole["fit"]["rollout"].get("horizon_s"),
         },
@@ -128,10 +129,6 @@ _OF_EFFECT = (
 _OF_FIT = ("before", "tuned", "gp", "after", "after_gp", "noise_floor", "unit")
 
 
-def _errors(row: Mapping[str, Any]) -> Json:
-    return {key: row.get(key) for key in _OF_FIT}
-
-
 def score_figures(found: Score) -> Json:
     """How a diagnosis does on another recording."""
     whole = found.to_dict()
@@ -142,7 +139,7 @@ def score_figures(found: Score) -> Json:
 
 def evaluation_figures(path: Path) -> Json:
     """Of evaluation.json or summary.json the three layers; `table` holds a row a policy and set of starts."""
-    whole = _json(path)
+    whole = read_object(path)
     rows = [
         {"policy": policy, "starts": starts} | {key: row.get(key) for key in COLUMNS}
         for name, starts in SETS.items()
@@ -158,7 +155,7 @@ _OF_EVALUATION = (
 
 
 def _fit(folder: Path) -> Json:
-    whole = _json(folder / "fit.json")
+    whole = read_object(folder / "fit.json")
     rates = {
         name: {
             "rows": fit["rows"],
@@ -173,7 +170,7 @@ def _fit(folder: Path) -> Json:
 
 
 def _residuals(folder: Path) -> Json:
-    whole = _json(folder / "residuals.json")
+    whole = read_object(folder / "residuals.json")
     rates = {
         name: {
             "unit": unit, "residual_std": whole["residual_std"][name], "measured_std": whole["measured_std"][name],
@@ -211,7 +208,3 @@ _READERS: Mapping[str, Callable[[Path], Json]] = {
     "certify": _certified,
     "evaluate": lambda folder: evaluation_figures(folder / "evaluation.json"),
 }
-
-
-def _json(path: Path) -> Json:
-    return read_object(path)

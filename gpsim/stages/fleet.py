@@ -68,23 +68,16 @@ def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]
     """Those that one word names."""
     if not path.is_dir() or (path / "recording.yaml").is_file():
         return [path]
-    if below := _below(path, simulator is not None):
-        return below
+    homes = [found.parent for found in path.rglob("recording.yaml")]
+    bare = path.rglob("*.csv") if simulator is not None else ()
+    below = sorted([*homes, *(table for table in bare if table.parent not in homes)])
+    if seen := [p for p in below if not any(part.startswith(".") for part in p.relative_to(path).parts)]:
+        return seen
     if not is_raw(path, simulator):
         return []
     if not alone or is_bag_folder(path):
         return [path]
     return [p for p in sorted(path.iterdir()) if not p.name.startswith(".") and is_raw(p, simulator)]
-
-
-def _below(folder: Path, bare: bool) -> list[Path]:
-    homes = [path.parent for path in folder.rglob("recording.yaml")]
-    tables = [path for path in folder.rglob("*.csv") if path.parent not in homes] if bare else []
-    return sorted(
-        path
-        for path in (*homes, *tables)
-        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    )
 
 
 def run(

@@ -41,35 +41,26 @@ def _check(request: Request) -> None:
         randomised_plant(request.config)
     if request.config["recording"] is None:
         collect.check(request)
-    else:
-        _check_recording(request)
+    else:  # it must be there, be whole, and be of this experiment's simulator
+        build_residuals.recipe(request)
+        recording = read_recording(build_residuals.recording_folder(request))
+        check_clock(recording)
+        build_residuals.check_same(recording, base_plant(request.config))
     if request.config["diagnosis"] is not None:
         effects_plant(request.having(correction="effects"), find_diagnosis(request))
     build_residuals.check(request)
     building.check_gp(request)
-    _check_episodes(request)
+    asked, section = request.config["diagnose"]["episodes"], request.config["collect"]
+    if asked is not None:
+        positive(asked, "diagnose.episodes")
+        driven = request.config["recording"] is None and collect.waits_for_policy(request)
+        if driven and asked > positive(section["episodes"], "collect.episodes"):
+            raise UsageError(
+                f"diagnose.episodes={asked}: collect.episodes={section['episodes']} are recorded"
+            )
     if drivable(request.config):
         target_plant(request.config)
         certify.recipe(request)
-
-
-def _check_recording(request: Request) -> None:
-    """The recording that is given must be there, be whole, and be of this experiment's simulator."""
-    build_residuals.recipe(request)
-    recording = read_recording(build_residuals.recording_folder(request))
-    check_clock(recording)
-    build_residuals.check_same(recording, base_plant(request.config))
-
-
-def _check_episodes(request: Request) -> None:
-    """The diagnosis cannot look at more episodes than are recorded."""
-    asked, section = request.config["diagnose"]["episodes"], request.config["collect"]
-    if asked is None:
-        return
-    positive(asked, "diagnose.episodes")
-    driven = request.config["recording"] is None and collect.waits_for_policy(request)
-    if driven and asked > positive(section["episodes"], "collect.episodes"):
-        raise UsageError(f"diagnose.episodes={asked}: collect.episodes={section['episodes']} are recorded")
 
 
 def _plan_seed(request: Request, seed: int) -> list[Job]:

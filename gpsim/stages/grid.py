@@ -126,7 +126,8 @@ def _identity(job: Job, ids: Mapping[str, str]) -> str:
     try:
         own = job.maker.keyed(request).key
     except UsageError:  # its recipe reads a file of a parent: alike is what has the same settings
-        own = hashlib.sha256(canonical(_deciding(job))).hexdigest()
+        keys = DECIDING.get(job.stage) or [key for key in job.request.config if key != "launcher"]
+        own = hashlib.sha256(canonical({key: job.request.config[key] for key in keys})).hexdigest()
     behind = sorted(ids[label] for label in job.after if label in ids)
     where = [str(store.root), store.experiment, job.stage]
     return hashlib.sha256(canonical([*where, own, *behind])).hexdigest()
@@ -134,12 +135,6 @@ def _identity(job: Job, ids: Mapping[str, str]) -> str:
 
 DECIDING = {"diagnose": ("simulator", "diagnose", "residuals", "collect", "recording", "seed")}
 """Of a stage whose recipe reads a file of a parent, the settings that it reads beside that."""
-
-
-def _deciding(job: Job) -> Json:
-    config = job.request.config
-    keys = DECIDING.get(job.stage) or [key for key in config if key != "launcher"]
-    return {key: config[key] for key in keys}
 
 
 def _recipe(request: Request, of: str, rows: Rows) -> Recipe:

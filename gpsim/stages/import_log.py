@@ -11,13 +11,15 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, disk_errors
+from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
+    FolderLog,
     ImportMapping,
     ImportReport,
     Inspection,
     NamedLog,
     Opener,
+    RawLog,
     Recording,
     bare_mapping,
     changes_of_words,
@@ -37,7 +39,6 @@ from gpsim.recordings import (
 from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
-from gpsim.stages.log_files import digests_read, remembering
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
@@ -202,7 +203,19 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
 
 def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, ...]:
     """The mappings that come with gpsim and find all they want in a source, whose first log is `first`."""
-    return tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+    found = []
+    for name in mapping_names():
+        plan, topics = parse_mapping(read_mapping(name), f"mapping {name}"), first.log.topics()
+        if plan.layout == "folder":
+            if not source.is_dir():
+                continue
+            try:
+                topics = find_logs([source], "folder", plan.files, opener)[0].log.topics()
+            except UsageError:  # no tables of these names
+                continue
+        if finds_all(plan, topics):
+            found.append(name)
+    return tuple(found)
 
 
 def holds_logs(folder: Path) -> bool:
@@ -210,19 +223,6 @@ def holds_logs(folder: Path) -> bool:
     try:
         return bool(find_logs([folder], "files", "*", remembering([])))
     except UsageError:
-        return False
-
-
-def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
-    """Whether a mapping that comes with gpsim finds all it wants."""
-    plan = parse_mapping(read_mapping(name), f"mapping {name}")
-    if plan.layout == "files":
-        return finds_all(plan, first.log.topics())
-    try:
-        return source.is_dir() and finds_all(
-            plan, find_logs([source], "folder", plan.files, opener)[0].log.topics()
-        )
-    except UsageError:  # no tables of these names
         return False
 
 
@@ -298,3 +298,44 @@ def source_digests(
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
     return digests_read(sources, layout, pattern)
+
+
+def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pattern: str) -> dict[str, str]:
+    """sha256 of every file of the logs below the sources that are called by `pattern`, by its name there.
+
+    The same bytes give the same artifact. Of a ROS 2 bag's folder the files are named one by one.
+    """
+    out: dict[str, str] = {}
+    for number, source in enumerate(sources, 1):
+        try:
+            if not source.exists():
+                raise UsageError(f"{source}: no such file or folder")
+            logs: list[Path] = []
+            for found in find_logs([source], layout, pattern, remembering(logs)):
+                logs += found.log.files.values() if isinstance(found.log, FolderLog) else ()
+            files = [
+                file
+                for log in logs
+                for file in (sorted(filter(_stores, log.iterdir())) if log.is_dir() else [log])
+            ]
+        except OSError as error:  # a folder that may not be entered
+            raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
+        for path in files:
+            name = path.relative_to(source).as_posix() if source.is_dir() else path.name
+            out[name if len(sources) == 1 else f"{number}/{name}"] = file_digest(path)
+    return out
+
+
+def remembering(paths: list[Path]) -> Opener:
+    """An opener that opens nothing and notes what it was asked for."""
+
+    def remember(path: Path) -> RawLog:
+        paths.append(path)
+        return FolderLog({}, remember)
+
+    return remember
+
+
+def _stores(path: Path) -> bool:
+    """Whether it is one of the files of a ROS 2 bag's folder."""
+    return path.is_file() and (path.name == "metadata.yaml" or bool({".db3", ".mcap"} & set(path.suffixes)))

@@ -6,7 +6,7 @@ off goes on where it was.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from gpsim.stages import (
 from gpsim.stages import diagnose_loop as diagnosing
 from gpsim.stages.building import base_plant, drivable, make_task, recording_of, target_plant
 from gpsim.stages.policy_files import read_policy
-from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.stage import Request, Stage, generator, stage_about
 from gpsim.tasks import Start
 
 Told = Callable[[str, Artifact, bool], None]
@@ -97,7 +97,9 @@ def run(request: Request, told: Told) -> Artifact:
     known: Plant | None = None
     stopped = f"all {rounds} rounds are done"
     for turn in range(rounds):
-        recording = _made(_drive_stage(best, recording), request, f"drive {turn}", told)
+        before = {} if recording is None else {"before": recording}
+        drive = stage_about(DRIVE, _drive_recipe, _drive, {"policy": best, **before}, format=1)
+        recording = _made(drive, request, f"drive {turn}", told)
         parents[f"recording-{turn}"] = recording
         done[-1] = replace(
             done[-1],
@@ -108,7 +110,9 @@ def run(request: Request, told: Told) -> Artifact:
         policy, known = _refitted(asked, turn, told)
         parents[f"policy-{turn + 1}"] = policy
         earned = _trial(request, policy)
-        gain, error = _gain(earned, kept)
+        difference = earned - kept  # from the same starts
+        gain = float(difference.mean())
+        error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
         adopted = gain > 0.0
         done.append(Round(float(earned.mean()), gain, error, _evaluated(request, policy), adopted))
         if adopted:
@@ -139,24 +143,17 @@ def _refitted(request: Request, turn: int, told: Told) -> tuple[Artifact, Plant]
     return policy, safety.predictor(request)
 
 
-def _drive_stage(policy: Artifact, before: Artifact | None) -> Stage:
+def _drive_recipe(request: Request, parents: Mapping[str, Artifact]) -> Recipe:
     """A policy's drives on the target, and behind them all that was recorded before."""
-    parents = {"policy": policy, **({} if before is None else {"before": before})}
-
-    def recipe(request: Request) -> Recipe:
-        config = request.section("simulator", "target", "task", "collect")
-        return Recipe(DRIVE, config, parents, {"seed": request.seed})
-
-    return Stage(DRIVE, recipe, _drive, format=1)
+    config = request.section("simulator", "target", "task", "collect")
+    return Recipe(DRIVE, config, parents, {"seed": request.seed})
 
 
-def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
+def _drive(request: Request, folder: Path, parents: Mapping[str, Artifact]) -> Json:
     """The newest episodes come first: what is held out are then the oldest."""
     section, base = request.config["collect"], base_plant(request.config)
-    purpose = f"iterate/{recipe.parents['policy'].digest}"
-    act = policy_actor(
-        read_policy(recipe.parents["policy"].path), generator(request.seed, f"{purpose}/driver")
-    )
+    purpose = f"iterate/{parents['policy'].digest}"
+    act = policy_actor(read_policy(parents["policy"].path), generator(request.seed, f"{purpose}/driver"))
     episodes = collect_episodes(
         target_plant(request.config),
         make_task(request.config).on_target(),
@@ -166,7 +163,7 @@ def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
     )
     rng = generator(request.seed, f"{purpose}/sensors")
     sensed, noise = as_sensed(episodes, base.state, float(section["noise"]), float(section["missing"]), rng)
-    before = read_recording(recipe.parents["before"].path) if "before" in recipe.parents else None
+    before = read_recording(parents["before"].path) if "before" in parents else None
     older = () if before is None else before.episodes
     turn = 0 if before is None else 1 + int(before.provenance.get("round", -1))
     episodes = (*(replace(e, name=f"{turn}.{e.name}") for e in sensed), *older)
@@ -186,12 +183,6 @@ def _new(request: Request, known: Plant, recording: Artifact) -> float:
     size = np.sqrt((base**2).mean(axis=0))
     counts = size > 1e-9  # the base is right about a position's change
     return float((np.sqrt((left**2).mean(axis=0))[counts] / size[counts]).mean())
-
-
-def _gain(earned: FloatArray, kept: FloatArray) -> tuple[float, float]:
-    """The mean gain from the same starts, and its standard error."""
-    difference = earned - kept
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
 
 
 def _trial(request: Request, policy: Artifact) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,13 +23,13 @@ from gpsim.posterior import Explanation, LeftOpen
 from gpsim.recordings import Episode, read_yaml, write_recording
 from gpsim.settings import build
 from gpsim.simulators import Plant, Simulator
-from gpsim.stages.building import base_plant, recording_of, target_plant
+from gpsim.stages.building import base_plant, make_task, recording_of, target_plant
 from gpsim.stages.diagnose import read_corrected, read_diagnosis, read_left_open
 from gpsim.stages.policy_files import policy_artifact, read_policy, write_policy
 from gpsim.stages.stage import SOURCES, Progress, Request, Stage, blamed, generator, silent, stage_about
-from gpsim.stages.steering import SAME, policy_for, steering
 
 FORMAT = 1
+SAME = 1e-6  # relative difference of two control steps that is rounding
 COMMANDS, FACTS, PAGE = "plan.csv", "plan.yaml", "report.html"
 SCHEMA = "gpsim.plan/1"
 DITHER = "_dither"
@@ -81,6 +82,43 @@ def planned(
             plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around
         )
         return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
+
+
+def policy_for(folder: Path, simulator: Simulator, dt: float) -> Artifact:
+    """A finished policy that can steer this simulator at this control step; raises UsageError."""
+    artifact = policy_artifact(folder)
+    config = artifact.manifest["config"]
+    task = make_task(config)
+    if not (task.state.same_as(simulator.state) and task.action.same_as(simulator.action)):
+        raise UsageError(
+            f"--policy {folder}: steers {config['simulator']['name']}, whose channels are not those of {simulator.name}"
+        )
+    own = float(config["simulator"]["dt"])
+    if not math.isclose(own, dt, rel_tol=SAME):
+        raise UsageError(
+            f"--policy {folder}: acts every {own:g} s, the diagnosis is of one command every {dt:g} s"
+        )
+    return artifact
+
+
+def steering(folder: Path, config: Mapping[str, Any]) -> Steer:
+    """What the policy in a folder commands. config: its simulator and task, whose first evaluation start it is given.
+
+    It acts by its most probable action. A policy that picks one of several actions is replaced by their mean, each as
+    probable as the policy finds it: between two full pushes there is nothing that a dither could be added to.
+    """
+    policy, task = read_policy(folder), make_task(config)
+    context = task.evaluation_starts(1, np.random.default_rng(0)).context
+    picks = policy.bounds is None
+    each = task.command(np.arange(task.action_space.n)) if picks else np.empty((0, 0))  # type: ignore[attr-defined]
+
+    def steer(seen: FloatArray) -> FloatArray:
+        observations = task.observe(seen, np.repeat(context, len(seen), axis=0))
+        if picks:
+            return np.asarray(policy.probabilities(observations) @ each)
+        return task.command(policy.act(observations))
+
+    return steer
 
 
 def steered_by(policy: Path | None, plant: EffectsPlant) -> Steer | None:
@@ -193,21 +231,16 @@ def _write(
         "rest_commands": {n: limits.idle[i] for i, n in enumerate(action.names)},
         **plan_facts(plan),
     }
-    if policy is not None:
-        facts["policy"] = _kept(policy, folder)
+    if policy is not None:  # beside its plan, which can then be played where the policy is not
+        made = policy_artifact(policy)
+        write_policy(folder, read_policy(made.path))
+        config = made.manifest["config"]
+        facts["policy"] = {"sha256": made.digest, "simulator": config["simulator"], "task": config["task"]}
     text = yaml.safe_dump(plain(facts), sort_keys=False, allow_unicode=True)
     (folder / FACTS).write_text(text, encoding="utf-8")
     finite = {n: [v for v in edges if np.isfinite(v)] for n, edges in box.items()}
     (folder / PAGE).write_text(plan_page(plan, state, action, finite), encoding="utf-8")
     return {}
-
-
-def _kept(policy: Path, folder: Path) -> Json:
-    """Put a policy beside its plan, which can then be played where the policy is not; what plan.yaml says of it."""
-    made = policy_artifact(policy)
-    write_policy(folder, read_policy(made.path))
-    config = made.manifest["config"]
-    return {"sha256": made.digest, "simulator": config["simulator"], "task": config["task"]}
 
 
 def plan_of(artifact: Artifact) -> Mapping[str, Any]:

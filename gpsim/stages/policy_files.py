@@ -53,7 +53,15 @@ def survival_lines(folder: Path) -> list[str]:
     """A line an explanation; none of a policy that was trained in one simulator."""
     if not (folder / SURVIVES).is_file():
         return []
-    return [_survival(entry) for entry in read_object(folder / SURVIVES)["explanations"]]
+    lines = []
+    for entry in read_object(folder / SURVIVES)["explanations"]:
+        sizes = [f"{s['name']} of {s['of']} {s['low']:.4g} to {s['high']:.4g}" for s in entry["sizes"]]
+        said = "; ".join(sizes) or ", ".join(entry["effects"]) or "the base simulator as it is"
+        rest = "; a function of the Gaussian process on the rest" if entry["function_of_the_rest"] else ""
+        interval = f" ({100 * entry['level']:g} % intervals)" if sizes else ""
+        share = f"{100 * entry['share_of_episodes']:.0f} %"
+        lines.append(f"survives, in {share} of its episodes: {said}{rest}{interval}")
+    return lines
 
 
 def _facts(explanation: Drawable, total: float) -> dict[str, Any]:
@@ -73,14 +81,6 @@ def _facts(explanation: Drawable, total: float) -> dict[str, Any]:
         ],
         "function_of_the_rest": isinstance(explanation.plant.correction, FunctionCorrection),
     }
-
-
-def _survival(entry: dict[str, Any]) -> str:
-    sizes = [f"{s['name']} of {s['of']} {s['low']:.4g} to {s['high']:.4g}" for s in entry["sizes"]]
-    said = "; ".join(sizes) or ", ".join(entry["effects"]) or "the base simulator as it is"
-    rest = "; a function of the Gaussian process on the rest" if entry["function_of_the_rest"] else ""
-    interval = f" ({100 * entry['level']:g} % intervals)" if sizes else ""
-    return f"survives, in {100 * entry['share_of_episodes']:.0f} % of its episodes: {said}{rest}{interval}"
 
 
 def write_policy(folder: Path, policy: Policy) -> None:

@@ -83,7 +83,10 @@ def numbers_of(
     after = ((CURVES_FROM, curves), (ROUGH_FROM, rough))
     counted = [number for first, many in after for number in range(first + 1, first + many + 1)]
     plans = range(PLANS_FROM + 1, PLANS_FROM + plan + 1)
-    return [*plain_ones, *counted, *machines_numbers(machines), *plans]
+    packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
+    with_arms = {"mujoco", "example-robot-data"} <= packages  # which arms need
+    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
+    return [*plain_ones, *counted, *islice(able, machines), *plans]
 
 
 def _refuse_strange(strata: Sequence[str], known: Sequence[str], of: str, apart: Mapping[str, str]) -> None:
@@ -94,14 +97,6 @@ def _refuse_strange(strata: Sequence[str], known: Sequence[str], of: str, apart:
             raise UsageError(f"{COUNTED.get(name, name)} are counted by themselves: {how}")
     if strange:
         raise UsageError(f"no stratum '{strange[0]}'{of}; there are: {', '.join(known)}")
-
-
-def machines_numbers(machines: int) -> list[int]:
-    """The first `machines` numbers of whole machines; those of arms are left out where what they need is missing."""
-    packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
-    with_arms = {"mujoco", "example-robot-data"} <= packages
-    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
-    return list(islice(able, machines))
 
 
 def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0, floating: int = 0) -> list[int]:
@@ -126,7 +121,9 @@ def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, pr
         _remember(out, seed)
         (out / PUBLIC).mkdir(parents=True, exist_ok=True)
         work = partial(write_trial, out, seed)
-        digests = dict(run_trials(work, numbers, launcher, progress, Carried(out, partial(_halves, out))))
+        # What there is already of a world that is to be concealed travels with it.
+        carried = Carried(out, lambda number: [out / half / trial_name(number) for half in (PUBLIC, PRIVATE)])
+        digests = dict(run_trials(work, numbers, launcher, progress, carried))
         publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
     return out
 
@@ -155,12 +152,27 @@ def _reveal(out: Path, answers: Path | None, launcher: Launcher, progress: Progr
         raise UsageError(f"{out}: no diagnoses to score; make them with: gpsim prove diagnose --out {out}")
     where = answers or out / PRIVATE
     numbers = [int(name) for name in names]
-    carried = Carried(out, partial(_everything, out, where))
-    scores = [s for _, s in run_trials(partial(_score_one, out, where), numbers, launcher, progress, carried)]
+
+    def needs(number: int) -> Iterable[Path]:
+        """What a score rests on, and what is kept of an earlier one."""
+        name = trial_name(number)
+        kept = (path for kind in KEPT for path in (out / kind).glob(f"{name}*"))
+        return *_public(out, number), where / name, out / DIAGNOSES / name, *kept
+
+    work = partial(_score_one, out, where)
+    scores = [s for _, s in run_trials(work, numbers, launcher, progress, Carried(out, needs))]
     scores.sort(key=lambda s: str(s["trial"]))
     undiagnosed = sorted(set(published(out)) - set(names))
-    content = _facts(where, scores) | {"undiagnosed": undiagnosed} | summarise(scores)
-    content |= {"every_miss": miss_rows(scores)}
+    config = where / CONFIG
+    content = {
+        "seed": read_object(config)["seed"] if config.is_file() else None,
+        "git_commit": git_commit(),
+        "diagnosed_under": sorted({str(s["git_commit"] or NOT_RECORDED) for s in scores}),
+        "packages": package_versions(),
+        "undiagnosed": undiagnosed,
+        **summarise(scores),
+        "every_miss": miss_rows(scores),
+    }
     with written_whole(out / "prove.json") as made:
         write_json(made, plain(content))
     for name, text in (("report.html", page(content, scores)), ("record.md", record(content))):
@@ -192,30 +204,9 @@ def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
     return score_trial(out, answers, trial_name(number))
 
 
-def _halves(out: Path, number: int) -> Iterable[Path]:
-    """What there is already of a world that is to be concealed."""
-    return out / PUBLIC / trial_name(number), out / PRIVATE / trial_name(number)
-
-
 def _public(out: Path, number: int) -> Iterable[Path]:
     """What a blind diagnosis may see, and the hashes that it puts on record."""
     return out / PUBLIC / trial_name(number), out / PUBLIC / HASHES
-
-
-def _everything(out: Path, answers: Path, number: int) -> Iterable[Path]:
-    """What a score rests on, and what is kept of an earlier one."""
-    name = trial_name(number)
-    kept = (path for kind in KEPT for path in (out / kind).glob(f"{name}*"))
-    return *_public(out, number), answers / name, out / DIAGNOSES / name, *kept
-
-
-def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Which seed it was, what it is revealed with, and the commits under which the trials were diagnosed."""
-    path = answers / CONFIG
-    seed = read_object(path)["seed"] if path.is_file() else None
-    commits = sorted({str(s["git_commit"] or NOT_RECORDED) for s in scores})
-    under = {"git_commit": git_commit(), "diagnosed_under": commits, "packages": package_versions()}
-    return {"seed": seed, **under}
 
 
 def _remember(out: Path, seed: int) -> None:

@@ -19,9 +19,7 @@ from gpsim.mjcf import SYSTEM, MjcfSimulator, open_simulator
 from gpsim.recordings import (
     SUFFIXES,
     TOP_KEYS,
-    Guess,
     System,
-    Topic,
     changes_of_words,
     find_logs,
     guess,
@@ -32,7 +30,6 @@ from gpsim.recordings import (
 from gpsim.reports.import_text import Asking, asked, told
 from gpsim.simulators import SIMULATORS, Simulator
 from gpsim.stages import import_log
-from gpsim.stages.log_files import digests_read
 from gpsim.stages.stage import Request, Stage
 
 TABLES = (".csv", ".parquet")
@@ -70,13 +67,8 @@ def is_raw(path: Path, simulator: str | None) -> bool:
         return False
     if simulator is None:
         return True
-    return not _is_bare(path, simulator)
-
-
-def _is_bare(path: Path, simulator: str) -> bool:
-    """Whether a table has a column `t` and one that is called as a state of the simulator."""
     columns = open_log(path).topics()[0].fields
-    return "t" in columns and any(name in columns for name in open_simulator(simulator).state.names)
+    return "t" not in columns or not any(name in columns for name in open_simulator(simulator).state.names)
 
 
 def reads_bare(paths: Sequence[Path], simulator: str | None, words: Sequence[str]) -> bool:
@@ -125,10 +117,11 @@ def decide(log: RawLog) -> Read:
     def values(topic: str, field: str) -> FloatArray:
         return first.log.series({topic: [field]})[topic].fields[field]
 
-    name = log.simulator or changes.get("system")
+    name, shown = log.simulator or changes.get("system"), shlex.quote(str(log.path))
     systems = [_system(str(name))] if name else [_system(each) for each in SIMULATORS]
     known = {key: value for key, value in given.items() if name}
-    found = min((guess(topics, system, known, values) for system in systems), key=_ranked)
+    guesses = [guess(topics, system, known, values) for system in systems]
+    found = min(guesses, key=lambda one: (len(one.missing), -one.fit))
     if "episodes" in changes:
         found.switch = None
     if kinds:
@@ -137,25 +130,15 @@ def decide(log: RawLog) -> Read:
             found.unclear["files"] = kinds
     if not found.complete or (name is None and not found.typed):
         ready = () if name else import_log.ready_mappings(log.path, first, opener)
-        typed = Asking(log.command, _shown(log.path), log.words, log.tail, named=bool(name))
-        columns = [source for topic in topics for source in _columns(topic, len(topics) == 1)]
+        typed = Asking(log.command, shown, log.words, log.tail, named=bool(name))
+        columns = list(topics[0].fields) if len(topics) == 1 else [topic.name for topic in topics]
         raise UsageError(asked(typed, found, columns, ready))
     raw = import_log.merge_changes(found.raw, changes)
     raw |= {"layout": layout} if layout != "files" else {}
     raw |= {"files": pattern} if pattern != "*" else {}
     simulator = open_simulator(found.system.name)
     raw.setdefault("integrator", simulator.integrator)
-    return Read(
-        raw, "mapping (from the names in the log)", tuple(told(found, _shown(log.path), _own(simulator, raw)))
-    )
-
-
-def _ranked(found: Guess) -> tuple[int, float]:
-    return len(found.missing), -found.fit
-
-
-def _columns(topic: Topic, alone: bool) -> list[str]:
-    return list(topic.fields) if alone else [topic.name]
+    return Read(raw, "mapping (from the names in the log)", tuple(told(found, shown, _own(simulator, raw))))
 
 
 def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
@@ -212,16 +195,12 @@ def _layout(log: RawLog, changes: Mapping[str, Any]) -> tuple[Literal["files", "
     return "files", pattern, []
 
 
-def _shown(path: Path) -> str:
-    return shlex.quote(str(path))
-
-
 def stage_for(log: RawLog, read: Read, say: Callable[[str], None] = import_log.quiet) -> Stage:
     """The import as a stage: the same log, read in the same way, is imported once."""
 
     def recipe(request: Request) -> Recipe:
         plan = parse_mapping(read.raw, read.where)
-        digests = digests_read([log.path], plan.layout, plan.files)
+        digests = import_log.digests_read([log.path], plan.layout, plan.files)
         return Recipe("import", {"mapping": read.raw, "salvage": log.salvage, "sources": digests}, {}, {})
 
     def write(request: Request, recipe: Recipe, folder: Path) -> Json:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,11 +18,11 @@ from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.reports.gp_figures import residual_slices
 from gpsim.reports.loop_page import render
-from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
+from gpsim.reports.loop_report import LoopReport, MadeBy, TripReport
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
-from gpsim.stages.stage import Request, Stage, quoted, stage_about
+from gpsim.stages.stage import Request, Stage, stage_about
 from gpsim.tasks import Balance, Task
 
 SETTINGS = (
@@ -43,7 +43,7 @@ GIVEN = ("recording", "diagnosis")
 
 def stage_for(seeds: tuple[int, ...]) -> Stage:
     """The report over these seeds, as a stage."""
-    return stage_about("report", _recipe, _write, seeds, format=1)
+    return stage_about("report", _recipe, lambda *of: _written(gather(of[0], of[2]), of[1]), seeds, format=1)
 
 
 def made(request: Request, seeds: tuple[int, ...]) -> tuple[Artifact, LoopReport]:
@@ -61,15 +61,11 @@ def made(request: Request, seeds: tuple[int, ...]) -> tuple[Artifact, LoopReport
 def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
     parents = {
         f"{role}/{seed}" if seed is not None else role: artifact
-        for role, seed, artifact in _artifacts(request, seeds)
+        for role, seed, artifact in artifacts_of(request, seeds)
     }
     # The page prints the command: what is printed is part of what it is made from.
-    config = {**_settings(request), "command": _command(request, seeds)}
+    config = {**settings_of(request), "command": command_of(request, seeds)}
     return Recipe("report", config, parents, {"seeds": list(seeds)})
-
-
-def _write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
-    return _written(gather(request, seeds), folder)
 
 
 def _written(report: LoopReport, folder: Path) -> Json:
@@ -82,19 +78,32 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     """Read everything the report shows from the loop's artifacts."""
     requests = {seed: request.having(seed=seed) for seed in seeds}
     evaluated = {seed: evaluate.STAGE.need(r) for seed, r in requests.items()}
-    evaluations = [_json(artifact, "evaluation.json") for artifact in evaluated.values()]
+    evaluations = [read_object(artifact.path / "evaluation.json") for artifact in evaluated.values()]
     experiment = str(request.config["experiment"])
     driven = _driven(request, list(evaluated.values())) if drivable(request.config) else Driven()
     summary = summarise_seeds(evaluations, driven.returns, driven.starts, experiment)
     if driven.trips:
         summary |= success_by_set(driven.trips, driven.starts)
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
-    training = training_settings(request.config)
+    training, policies = training_settings(request.config), train_gp_policy.policy_names(request)
 
-    def by_policy(read: Callable[[Request, str], Curve]) -> dict[str, list[Curve]]:
-        names = train_gp_policy.policy_names(request)
-        return {name: [read(r, name) for r in requests.values()] for name in names}
+    def by_policy(file: str, read: Callable[[pd.DataFrame], Curve]) -> dict[str, list[Curve]]:
+        """What every policy's training wrote down."""
+        found: dict[str, list[Curve]] = {}
+        for name in policies:
+            stage, settings = train_gp_policy.TRAINED_BY[name]
+            parts = [stage.need(r.having(**settings)).path / file for r in requests.values()]
+            found[name] = [read(pd.read_csv(path)) for path in parts]
+        return found
 
+    paths = load_file(evaluated[seeds[0]].path / "rollouts.safetensors")
+    limits = {
+        "theta": request.config["task"].get("angle_limit"),
+        "x": request.config["task"].get("position_limit"),
+    }
+    residuals = build_residuals.read_residuals(build_residuals.STAGE.need(first))
+    correction = train_gp_policy.corrected_plant(first, fit_gp.STAGE.need(first).path).correction
+    assert isinstance(correction, GpCorrection)
     return LoopReport(
         experiment=experiment,
         seeds=seeds,
@@ -107,25 +116,35 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         earns_steps=isinstance(task, Balance),
         own_rewards=train_gp_policy.full_return(task) is None,
         held=getattr(training, "action_repeat", 1),
-        curves=by_policy(_curve),
-        rounds=by_policy(_rounds) if getattr(training, "expert_rounds", 0) else {},
-        slices=_slices(first),
-        named=_named(requests) if train_gp_policy.needs_diagnosis(request) else {},
+        curves=by_policy(
+            "learning_curve.csv", lambda table: (_column(table, "steps"), _column(table, "mean_return"))
+        ),
+        rounds=by_policy(
+            "checkpoints.csv", lambda table: (np.arange(float(len(table))), _column(table, "score"))
+        )
+        if getattr(training, "expert_rounds", 0)
+        else {},
+        slices=residual_slices(residuals, correction, fit_gp.rows_of(first, residuals)),
+        named=told_by_diagnoses(requests) if train_gp_policy.needs_diagnosis(request) else {},
         given=_given(request),
-        fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
+        fits={seed: read_object(fit_gp.STAGE.need(r).path / "fit.json") for seed, r in requests.items()},
         outside={
             seed: evaluation.get("outside_recording") or {}
             for seed, evaluation in zip(seeds, evaluations, strict=True)
         },
         states=base.state.names,
         velocities=tuple(coordinate.velocity for coordinate in base.simulator.coordinates),
-        rollouts=_rollouts(evaluated[seeds[0]]),
+        # A path that ran away ends where it did so: no figure has room for infinity.
+        rollouts={name: np.where(np.isfinite(path), path, np.nan) for name, path in paths.items()},
         dt=base.dt,
         units=base.state.units | base.simulator.rate.units,
-        limits=_limits(request.config["task"]),
-        settings=_settings(request),
-        artifacts=[_made_by(role, seed, artifact) for role, seed, artifact in _artifacts(request, seeds)],
-        command=_command(request, seeds),
+        limits={channel: float(value) for channel, value in limits.items() if value is not None},
+        settings=settings_of(request),
+        artifacts=[
+            MadeBy(made.stage, role, made.digest, seed, made.manifest)
+            for role, seed, made in artifacts_of(request, seeds)
+        ],
+        command=command_of(request, seeds),
     )
 
 
@@ -166,7 +185,9 @@ def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
     return TripReport(
         **parts,
         behind=read[0][1],
-        paths=certify.read_paths(evaluated[0]),
+        paths=dict(
+            load_file(evaluated[0].path / certify.PATHS)
+        ),  # of the goal, on the target, in the simulator
         goal_radius=task.goal_radius,
         arena=task.arena,
         floor=task.floor,
@@ -178,14 +199,14 @@ def _given(request: Request) -> tuple[str, ...]:
     return tuple(name for name in GIVEN if request.config[name] is not None)
 
 
-def _settings(request: Request) -> Json:
+def settings_of(request: Request) -> Json:
     """The configuration that decided something: a recording that is given was not collected."""
     given = _given(request)
     names = [name for name in SETTINGS if name != "collect" or "recording" not in given]
     return request.section(*names, *given)
 
 
-def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
+def artifacts_of(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
     """(role, seed, artifact) of everything that the report rests on; None where the seeds share it."""
     found: list[tuple[str, int | None, Artifact]] = []
     given, with_effects = _given(request), train_gp_policy.needs_diagnosis(request)
@@ -211,62 +232,25 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
     return found
 
 
-def _made_by(role: str, seed: int | None, artifact: Artifact) -> MadeBy:
-    return MadeBy(artifact.stage, role, artifact.digest, seed, artifact.manifest)
+def _column(table: pd.DataFrame, name: str) -> FloatArray:
+    return table[name].to_numpy(dtype=np.float64)
 
 
-def _table(request: Request, policy: str, file: str) -> pd.DataFrame:
-    """What a policy's training wrote down."""
-    stage, settings = train_gp_policy.TRAINED_BY[policy]
-    return pd.read_csv(stage.need(request.having(**settings)).path / file)
-
-
-def _curve(request: Request, policy: str) -> Curve:
-    table = _table(request, policy, "learning_curve.csv")
-    return table["steps"].to_numpy(dtype=np.float64), table["mean_return"].to_numpy(dtype=np.float64)
-
-
-def _rounds(request: Request, policy: str) -> Curve:
-    table = _table(request, policy, "checkpoints.csv")
-    return np.arange(float(len(table))), table["score"].to_numpy(dtype=np.float64)
-
-
-def _slices(request: Request) -> Mapping[str, ResidualSlice]:
-    residuals = build_residuals.read_residuals(build_residuals.STAGE.need(request))
-    correction = train_gp_policy.corrected_plant(request, fit_gp.STAGE.need(request).path).correction
-    assert isinstance(correction, GpCorrection)
-    return residual_slices(residuals, correction, fit_gp.rows_of(request, residuals))
-
-
-def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
+def told_by_diagnoses(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
+    """Of each seed what its diagnosis names; one that was given for all of them is told once."""
     found = {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
     given = [seed for seed, request in requests.items() if request.config["diagnosis"] is not None]
-    return {seed: said for seed, said in found.items() if seed not in given[1:]}  # one for all of them
+    return {seed: said for seed, said in found.items() if seed not in given[1:]}
 
 
-def _rollouts(artifact: Artifact) -> Mapping[str, FloatArray]:
-    paths = load_file(artifact.path / "rollouts.safetensors")
-    # A path that ran away ends where it did so: no figure has room for infinity.
-    return {name: np.where(np.isfinite(path), path, np.nan) for name, path in paths.items()}
-
-
-def _limits(task: Mapping[str, Any]) -> dict[str, float]:
-    limits = {"theta": task.get("angle_limit"), "x": task.get("position_limit")}
-    return {channel: float(value) for channel, value in limits.items() if value is not None}
-
-
-def _command(request: Request, seeds: tuple[int, ...]) -> str:
+def command_of(request: Request, seeds: tuple[int, ...]) -> str:
     """What makes the report again, wherever its artifacts lie."""
     given = [
         word
         for word in request.words
         if word.partition("=")[0].lstrip("+") not in ("seed", "runs_dir", "track")
     ]
-    words = [quoted(word) for word in given]
+    words = [shlex.quote(word) for word in given]
     start = [f"seed={seeds[0]}"] if seeds[0] else []
     several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
     return " ".join(["gpsim run full-loop", *words, *start, *several])
-
-
-def _json(artifact: Artifact, name: str) -> Json:
-    return read_object(artifact.path / name)

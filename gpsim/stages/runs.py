@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +35,6 @@ from gpsim.runs import (
     entry_at,
     figures_of,
     garbage,
-    missing_parents,
     named,
     nearest,
     parents,
@@ -44,7 +45,7 @@ from gpsim.runs import (
 )
 from gpsim.stages import diagnose_loop, fleet, full_loop, grid, import_log, report
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import LATER, NOT_MADE, RELEASE, NotMadeError, Request, Stage, quoted
+from gpsim.stages.stage import LATER, NOT_MADE, RELEASE, NotMadeError, Request, Stage
 
 Code = Mapping[str, tuple[int, str]]
 """Of each stage the format and the state of the code that make its artifacts today."""
@@ -182,7 +183,8 @@ def _why_stale(catalogue: Catalogue, entry: Entry, code: Code) -> tuple[Differen
         return ()
     gone = [
         Difference("parent", need.role, need.path or f"{need.stage} {str(need.digest)[:12]}", ABSENT)
-        for need in missing_parents(catalogue, entry)
+        for need, parent in parents(catalogue, entry)
+        if parent is None
     ]
     made = (entry.manifest.get("format", 1), entry.manifest.get("code", ""))
     today = code.get(entry.stage, made)
@@ -195,7 +197,10 @@ def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
     found: dict[str, Standing] = {}
 
     def stand(stage: Stage, asked: Request, label: str, after: Sequence[str]) -> None:
-        standing = _forgiving(stage, asked, label)
+        try:
+            standing = standing_of(stage, asked, label)
+        except UsageError as error:  # one artifact that is damaged is no reason to say nothing of the others
+            standing = Standing(label, stage.name, "refused", stage.command(asked), refusal=str(error))
         missing = tuple(before for before in after if found[before].state != "there")
         waits = standing.state == "waits" and missing
         found[label] = replace(standing, waits_for=missing) if waits else standing
@@ -209,7 +214,7 @@ def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
         runs_dir=str(request.config["runs_dir"]),
         seeds=seeds,
         standings=tuple(found.values()),
-        command=" ".join(["gpsim run full-loop", *map(quoted, request.words), *several]),
+        command=" ".join(["gpsim run full-loop", *map(shlex.quote, request.words), *several]),
     )
 
 
@@ -219,9 +224,10 @@ def standing_of(stage: Stage, request: Request, job: str | None = None) -> Stand
     try:
         recipe = stage.keyed(request)
     except NotMadeError as error:
-        return replace(
-            _planned(stage, request, known), state="waits", waits_for=(error.stage,), make_first=error.command
-        )
+        planned = replace(request, planned=True)
+        with suppress(UsageError):  # where its recipe reads a file of a parent nothing else is known
+            known = _beside_nearest(planned, stage.keyed(planned), known)
+        return replace(known, state="waits", waits_for=(error.stage,), make_first=error.command)
     if request.out is not None:
         if request.out.exists():
             raise UsageError(
@@ -233,56 +239,30 @@ def standing_of(stage: Stage, request: Request, job: str | None = None) -> Stand
     return _beside_nearest(request, recipe, known)
 
 
-def _forgiving(stage: Stage, request: Request, job: str) -> Standing:
-    """As `standing_of`; one artifact that is damaged is no reason to say nothing of the others."""
-    try:
-        return standing_of(stage, request, job)
-    except UsageError as error:
-        return Standing(job, stage.name, "refused", stage.command(request), refusal=str(error))
-
-
-def _planned(stage: Stage, request: Request, known: Standing) -> Standing:
-    """What differs beside the parents that are not made, as far as can be said without them."""
-    planned = replace(request, planned=True)
-    try:
-        return _beside_nearest(planned, stage.keyed(planned), known)
-    except UsageError:  # its recipe reads a file of a parent
-        return known
-
-
 def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standing:
-    made = [(artifact, _completed(Making.of(artifact))) for artifact in _newest_first(request, recipe.stage)]
+    entries = [entry_at(path, request.store.root) for path in request.store.versions(recipe.stage)]
+    entries.sort(key=lambda entry: entry.age_key, reverse=True)
+    whole = [entry.artifact for entry in entries if entry.artifact is not None]
+    made = [(artifact, _completed(Making.of(artifact))) for artifact in whole]
     found = nearest(made, _completed(Making.asked(recipe)))
     if found is None:
         return known
     artifact, differing = found
-    told = tuple(_with_places(d, artifact, recipe) if d.kind == "parent" else d for d in differing)
-    return replace(known, nearest=str(artifact.path), differences=told)
+    told = []
+    for d in differing:
+        if d.kind == "parent":  # by where it lies instead of its digest; None for one that is not made yet
+            new = recipe.parents.get(d.key)
+            there = None if new is None or new.digest == NOT_MADE else str(new.path)
+            old = _place(artifact, d.key) if d.key in artifact.manifest["parents"] else d.old
+            d = replace(d, old=old, new=there if new is not None else d.new)
+        told.append(d)
+    return replace(known, nearest=str(artifact.path), differences=tuple(told))
 
 
 def _completed(making: Making) -> Making:
     """With the settings that recipes leave out at the value that they had before they were settings."""
     config = {key: {**LATER[key], **part} if key in LATER else part for key, part in making.config.items()}
     return replace(making, config=config)
-
-
-def _newest_first(request: Request, stage: str) -> list[Artifact]:
-    """Finished versions by the clock; damaged ones are left out."""
-    entries = [entry_at(path, request.store.root) for path in request.store.versions(stage)]
-    entries.sort(key=lambda entry: entry.age_key, reverse=True)
-    return [entry.artifact for entry in entries if entry.artifact is not None]
-
-
-def _with_places(difference: Difference, old: Artifact, recipe: Recipe) -> Difference:
-    """A parent by where it lies instead of its digest; None for one that is not made yet."""
-    role = difference.key
-    new = recipe.parents.get(role)
-    made = None if new is None or new.digest == NOT_MADE else str(new.path)
-    return replace(
-        difference,
-        old=_place(old, role) if role in old.manifest["parents"] else difference.old,
-        new=made if new is not None else difference.new,
-    )
 
 
 def _place(artifact: Artifact, role: str) -> str:

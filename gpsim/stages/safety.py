@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,13 @@ from gpsim.evaluation import (
     drive,
     usual_errors,
 )
-from gpsim.recordings import Recording, gaps, read_recording
+from gpsim.recordings import Episode, Recording, gaps, read_recording
 from gpsim.residuals import either_wraps, first_held_out, holding_out
 from gpsim.settings import build, choice, number, positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals, fit_gp
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.evaluate_recording import judged_episodes
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, generator
 from gpsim.stages.train_gp_policy import CORRECTIONS, corrected_plant, effects_plant
@@ -79,9 +79,8 @@ def changed_target(request: Request) -> Plant:
             f"deploy.change: expected settings of the target, as {{friction: 0.3}}, got {change!r}"
         )
     unknown = [key for key in change if key not in target]
-    if fixed := [
-        key for key in change if key in ("name", "model")
-    ]:  # another machine is no change of this one
+    fixed = [key for key in change if key in ("name", "model")]  # another machine is no change of this one
+    if fixed:
         raise UsageError(f"deploy.change: '{fixed[0]}' cannot change; choose another target")
     if unknown:
         raise UsageError(
@@ -110,21 +109,33 @@ def _by_gp(request: Request) -> bool:
     return said == "gp" or (said is None and request.config["diagnosis"] is None)
 
 
+def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
+    """What is held out of these episodes; whole ones where nothing is held out of them."""
+    held, out = first_held_out(recording), []
+    for episode, begins in ((recording.episodes[i], int(held[i])) for i in numbers):
+        first = begins if begins < len(episode.t) else 0
+        if first < len(episode):
+            out.append(
+                replace(
+                    episode,
+                    t=episode.t[first:],
+                    states=episode.states[first:],
+                    actions=episode.actions[first:],
+                )
+            )
+    return out
+
+
 def usual_of(request: Request, plant: Plant) -> Usual:
     """Which errors are usual: on the recording's held-out episodes, on all where nothing is held out."""
     recording = read_recording(build_residuals.recording_folder(request))
     apart = holding_out(recording, build_residuals.check(request))
-    held = judged_episodes(apart, np.flatnonzero(_holds_out(apart)).tolist())
+    first = first_held_out(apart)
+    held = judged_episodes(apart, [i for i, e in enumerate(apart.episodes) if first[i] < len(e.t)])
     channels = either_wraps(plant.state, recording.state)
     noise = _noise(request.config["deploy"]["noise"], plant.state)
     rng = generator(request.seed, "deploy/usual")
     return usual_errors(plant, held or recording.episodes, channels, noise, settings_of(request), rng)
-
-
-def _holds_out(recording: Recording) -> FloatArray:
-    """(E,): of which episodes something is held out."""
-    first = first_held_out(recording)
-    return np.array([float(first[i] < len(e.t)) for i, e in enumerate(recording.episodes)])
 
 
 def monitor_of(request: Request, purpose: str) -> Monitor:
@@ -139,7 +150,10 @@ def safe_deployment(request: Request, policy: Artifact) -> dict[str, Any]:
     section, target = request.config["deploy"], target_plant(request.config)
     task = make_task(request.config).on_target()
     monitor, limits, settings = monitor_of(request, "monitor"), limits_of(request), settings_of(request)
-    act, fallback = policy_actor(read_policy(policy.path)), _fallback(section["fallback"])
+    fallback: Act | None = None
+    act = policy_actor(read_policy(policy.path))
+    if section["fallback"] != STOP:
+        fallback = policy_actor(read_policy(read_artifact(Path(str(section["fallback"]))).path))
     count, at = int(section["runs"]), round(float(section["change_at"]) / target.dt)
     changed: dict[str, Any] | None = None
     if section["change"]:
@@ -154,6 +168,7 @@ def safe_deployment(request: Request, policy: Artifact) -> dict[str, Any]:
         target, task, act, monitor, limits, count=count, steps=steps, endless=True,
         rng=generator(request.start_seed, "deploy/unchanged"),
     )  # fmt: skip
+    stops = int((found.stopped != NEVER).sum())
     return {
         "policy": section["policy"],
         "usual_mean_score": monitor.usual.mean,
@@ -161,7 +176,13 @@ def safe_deployment(request: Request, policy: Artifact) -> dict[str, Any]:
         "stated_false_stops": settings.false_stops,
         "minutes": settings.minutes,
         "changed": changed,
-        "unchanged": _unchanged(found, target.dt),
+        "unchanged": {  # drives that nothing happened to
+            "drives": len(found.stopped),
+            "false_stops": stops,
+            "share": stops / len(found.stopped),
+            "left_limit": int((found.left != NEVER).sum()),
+            "minutes_driven": float(found.steps.sum() * target.dt / 60.0),
+        },
     }
 
 
@@ -183,18 +204,6 @@ def _changed(found: Drives, at: int, dt: float) -> dict[str, Any]:
         "median_seconds_to_stop": float(np.median(found.stopped[before] - at) * dt) if before.any() else None,
         "left_limit_after_stop": int((before & (found.left != NEVER)).sum()),
         "mean_return": float(found.returns.mean()),
-    }
-
-
-def _unchanged(found: Drives, dt: float) -> dict[str, Any]:
-    """Of drives that nothing happened to: false stops, and how long was driven."""
-    stops = int((found.stopped != NEVER).sum())
-    return {
-        "drives": len(found.stopped),
-        "false_stops": stops,
-        "share": stops / len(found.stopped),
-        "left_limit": int((found.left != NEVER).sum()),
-        "minutes_driven": float(found.steps.sum() * dt / 60.0),
     }
 
 
@@ -244,10 +253,6 @@ def _replayed(monitor: Monitor, limits: Limits, episode: Any) -> dict[str, Any]:
             why = "limit" if outside else "the simulator no longer predicts it"
             return out | {"stopped_at": float(episode.t[k + 1] - episode.t[0]), "why": why}
     return out
-
-
-def _fallback(given: Any) -> Act | None:
-    return None if given == STOP else policy_actor(read_policy(read_artifact(Path(str(given))).path))
 
 
 def _numbers(given: Any, where: str) -> dict[str, float]:

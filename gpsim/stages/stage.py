@@ -159,15 +159,12 @@ class Request:
             self, config={**self.config, **values}, words=words, out=None, number=None, looked=False
         )
 
-    def _deciding(self, key: str) -> Any:
-        later = LATER.get(key, {})
-        if not later:
-            return self.config[key]
-        return {k: v for k, v in self.config[key].items() if k not in later or v != later[k]}
-
     def section(self, *keys: str) -> Json:
         """The named parts of the configuration: what decides a stage's bytes; of a user's simulator its file, too."""
-        parts = {key: self._deciding(key) for key in keys}
+        parts = {key: self.config[key] for key in keys}
+        for key, later in LATER.items():
+            if key in parts:
+                parts[key] = {k: v for k, v in parts[key].items() if k not in later or v != later[k]}
         if "simulator" in parts:
             name = str(parts["simulator"]["name"])
             source = source_file(name)
@@ -201,7 +198,7 @@ class Stage:
 
     def command(self, request: Request) -> str:
         """The command line that makes this artifact."""
-        return " ".join(["gpsim", self.name, *(quoted(word) for word in request.words)])
+        return " ".join(["gpsim", self.name, *map(shlex.quote, request.words)])
 
     def need(self, request: Request) -> Artifact:
         """The finished artifact; a UsageError names the command that makes it."""
@@ -267,8 +264,3 @@ def derived_seed(seed: int, purpose: str) -> int:
 def generator(seed: int, purpose: str) -> np.random.Generator:
     """A random generator of its own for every purpose."""
     return np.random.default_rng(derived_seed(seed, purpose))
-
-
-def quoted(word: str) -> str:
-    """A word as a shell takes it."""
-    return shlex.quote(word)

@@ -58,30 +58,27 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     request = _settled(request)
-    if robust(request):
-        return _train_robust(request, recipe, folder)
-    correction, prediction = request.config["correction"], request.config["prediction"]
-    make = _gp_plant if correction == "gp" else effects_plant
-    parent = recipe.parents["gp" if correction == "gp" else "diagnosis"]
-    plant, expected = make(request, parent), make(request.having(prediction="mean"), parent)
-    purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
-    task, purpose = make_task(request.config), f"train-gp-policy/{purpose}"
+    task, correction, prediction = (
+        make_task(request.config), request.config["correction"], request.config["prediction"],
+    )  # fmt: skip
+    if robust(request):  # in draws of the posterior; beside the policy stands what it was trained to survive
+        drawn = posterior_plant(request, recipe.parents["diagnosis"])
+        purpose = f"train-gp-policy/posterior/{correction}"
+        events = train_source.events_of(request, recipe, purpose)
+        made = train(request, drawn, task, purpose, folder, None, events)
+        write_survives(folder, drawn)
+        return made
+
+    def plant(request: Request) -> Plant:
+        if correction == "gp":
+            return corrected_plant(request, recipe.parents["gp"].path)
+        return effects_plant(request, recipe.parents["diagnosis"])
+
+    of = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
+    purpose = f"train-gp-policy/{of}"
     events = train_source.events_of(request, recipe, purpose)
-    return train(request, plant, task, purpose, folder, expected, events)
-
-
-def _train_robust(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Train in draws of the posterior, and write beside the policy what it was trained to survive."""
-    drawn = posterior_plant(request, recipe.parents["diagnosis"])
-    purpose = f"train-gp-policy/posterior/{request.config['correction']}"
-    events = train_source.events_of(request, recipe, purpose)
-    made = train(request, drawn, make_task(request.config), purpose, folder, None, events)
-    write_survives(folder, drawn)
-    return made
-
-
-def _gp_plant(request: Request, gp: Artifact) -> CorrectedPlant:
-    return corrected_plant(request, gp.path)
+    expected = plant(request.having(prediction="mean"))
+    return train(request, plant(request), task, purpose, folder, expected, events)
 
 
 def _settled(request: Request) -> Request:

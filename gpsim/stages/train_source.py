@@ -16,7 +16,7 @@ from gpsim.channels import FloatArray
 from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors
-from gpsim.policies import Expert, Policy
+from gpsim.policies import Expert
 from gpsim.policies.training.settings import (
     TRAINING_FORMAT,
     PpoSettings,
@@ -152,7 +152,14 @@ def train(
 
         policy, curve, critic = train_ppo(env, settings, weights, told, events=events)
         if settings.expert_rounds:
-            expert = _expert(request, critic, model or plant, task, settings)
+            most = settings.reward_scale / (1.0 - settings.gamma)
+
+            def worth(observations: NDArray[np.float32]) -> FloatArray:
+                """The critic's word for what lies behind the expert's horizon."""
+                return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
+
+            ahead = expert_search(request.config, settings.expert_width)
+            expert = Expert(model or plant, task, ahead, settings.expert_horizon, worth)
             begun = settings.total_steps
             policy, checkpoints = improved(
                 policy,
@@ -171,17 +178,6 @@ def train(
     write_policy(folder, policy)
     write_curve(folder, curve)
     return {"environment_steps": int(curve.steps[-1]) * env.repeat}
-
-
-def _expert(request: Request, critic: Policy, model: Plant, task: Task, settings: PpoSettings) -> Expert:
-    """What looks ahead in a model, and takes the critic's word for what lies behind its horizon."""
-    most = settings.reward_scale / (1.0 - settings.gamma)
-
-    def worth(observations: NDArray[np.float32]) -> FloatArray:
-        return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
-
-    search = expert_search(request.config, settings.expert_width)
-    return Expert(model, task, search, settings.expert_horizon, worth)
 
 
 STAGE = Stage(

@@ -43,18 +43,13 @@ class Recovered:
             self.verdict == "named"
             and len(self.said) == 1
             and bool(self.sizes)
-            and all(map(_near, self.sizes.values()))
+            and all(abs(found - true) <= NEAR * abs(true) for true, found in self.sizes.values())
         )
 
     @property
     def confusable(self) -> bool:
         """Whether others explain that world nearly as well."""
         return self.explained > 0.95
-
-
-def _near(sizes: tuple[float, float]) -> bool:
-    true, found = sizes
-    return abs(found - true) <= NEAR * abs(true)
 
 
 def systems_for(brought: Brought, simulator: str | None) -> tuple[Simulator, str]:

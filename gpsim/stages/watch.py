@@ -56,6 +56,7 @@ class Watched:
 
     def to_dict(self) -> dict[str, Any]:
         """A line of the log."""
+        names = [f"{effect}: {name}" for effect, name in self.parameters]
         content: dict[str, Any] = plain(
             {
                 "schema": SCHEMA,
@@ -65,23 +66,22 @@ class Watched:
                 "explained": self.share,
                 "driven": self.driven,
                 "alarms": [asdict(alarm) for alarm in self.alarms],
-                "stretches": [self._stretch(s) for s in self.stretches],
+                "stretches": [
+                    {
+                        "episode": s.episode,
+                        "begin": s.begin,
+                        "end": s.end,
+                        "explained": s.share,
+                        "parameters": dict(zip(names, s.theta.tolist(), strict=True)),
+                        "left": dict(s.left),
+                    }
+                    for s in self.stretches
+                ],
                 "why": self.why or None,
                 "sums": self.sums,
             }
         )
         return content
-
-    def _stretch(self, stretch: Stretch) -> dict[str, Any]:
-        named = (f"{effect}: {name}" for effect, name in self.parameters)
-        return {
-            "episode": stretch.episode,
-            "begin": stretch.begin,
-            "end": stretch.end,
-            "explained": stretch.share,
-            "parameters": dict(zip(named, stretch.theta.tolist(), strict=True)),
-            "left": dict(stretch.left),
-        }
 
     @property
     def line(self) -> str:
@@ -91,12 +91,11 @@ class Watched:
         share = "" if self.share is None else f", explains {math.floor(1000 * self.share) / 10:.3g} %"
         if self.holds:
             return f"{self.recording}: holds{share}, {len(self.stretches)} stretches"
-        return f"{self.recording}: no longer holds{share}; " + "; ".join(map(_worded, self.alarms))
-
-
-def _worded(alarm: Alarm) -> str:
-    recording, t = alarm.since
-    return f"{alarm.what} {alarm.was:.3g} -> {alarm.now:.3g} since {t:.4g} s of {recording}"
+        since = [f"{alarm.since[1]:.4g} s of {alarm.since[0]}" for alarm in self.alarms]
+        told = [
+            f"{a.what} {a.was:.3g} -> {a.now:.3g} since {s}" for a, s in zip(self.alarms, since, strict=True)
+        ]
+        return f"{self.recording}: no longer holds{share}; " + "; ".join(told)
 
 
 @dataclass
@@ -145,8 +144,14 @@ class Watch:
 
     def pass_over(self) -> Iterator[Watched]:
         """Everything that is new, once."""
-        for name, path in self._there().items():
-            digest = _digest(path)
+        if not self.what.exists():
+            raise UsageError(f"{self.what}: no such recording or folder")
+        empty = self.what.is_dir() and not any(self.what.iterdir())
+        found = {} if empty else recordings_in([self.what], self.name)
+        for name, path in sorted(found.items(), key=lambda item: (item[1].stat().st_mtime, item[0])):
+            tables = (path / name for name in ("recording.csv", "recording.parquet"))
+            table = next(filter(Path.is_file, tables), None) if path.is_dir() else path
+            digest = "" if table is None else file_digest(table)
             if self.seen.get(name) == digest:
                 continue
             said = self._looked(name, path, digest)
@@ -154,14 +159,6 @@ class Watch:
             with disk_errors(self.log, "--log"), self.log.open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"diagnosis": self.digest, **said.to_dict()}, allow_nan=False) + "\n")
             yield said
-
-    def _there(self) -> dict[str, Path]:
-        if not self.what.exists():
-            raise UsageError(f"{self.what}: no such recording or folder")
-        if self.what.is_dir() and not any(self.what.iterdir()):
-            return {}
-        found = recordings_in([self.what], self.name)
-        return dict(sorted(found.items(), key=lambda item: (item[1].stat().st_mtime, item[0])))
 
     def _looked(self, name: str, path: Path, digest: str) -> Watched:
         before, stretches, alarms = self.driven.get(name, 0.0), [], []
@@ -174,9 +171,8 @@ class Watch:
                     alarms = self.monitor.see(name, stretch)
                     if alarms:
                         break
-        except (
-            UsageError
-        ) as error:  # of one among many: it may be half written yet, and is looked at when it changes
+        except UsageError as error:
+            # Of one among many: it may be half written yet, and is looked at when it changes.
             if not self.what.is_dir() and not isinstance(error, NoDiagnosis):
                 raise
             why = str(error)
@@ -212,11 +208,3 @@ def watched(watch: Watch, once: bool, wait: Callable[[float], None] = time.sleep
         if once:
             return
         wait(WAIT)
-
-
-def _digest(path: Path) -> str:
-    """Of a recording's table."""
-    if not path.is_dir():
-        return file_digest(path)
-    table = next((path / n for n in ("recording.csv", "recording.parquet") if (path / n).is_file()), None)
-    return file_digest(table) if table is not None else ""

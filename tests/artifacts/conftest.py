@@ -1,6 +1,6 @@
 import pytest
 
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Store
 
 
 @pytest.fixture

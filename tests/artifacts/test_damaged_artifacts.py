@@ -11,8 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from writers import recipe, write
 
-from gpsim.artifacts.artifact import MANIFEST, read_artifact
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import MANIFEST, Store, read_artifact
 from gpsim.errors import UsageError
 
 

@@ -10,38 +10,32 @@ from pathlib import Path
 import pytest
 from writers import recipe, write
 
-from gpsim.artifacts.artifact import read_artifact
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Store, read_artifact
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
 
 
-def test_a_failing_writer_leaves_nothing(store):
-    def broken(folder):
-        write(folder)
-        raise RuntimeError("crash")
-
-    with pytest.raises(RuntimeError):
-        store.publish(recipe(n=1), broken)
-    assert list((store.root / "cartpole" / "fit-gp").iterdir()) == []
+def full(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_full_disk_is_one_line(store):
-    def full(folder):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+def broken(folder):
+    write(folder)
+    raise RuntimeError("crash")
 
-    with pytest.raises(UsageError, match="no space left"):
-        store.publish(recipe(n=1), full)
+
+@pytest.mark.parametrize(
+    ("writer", "kind", "said"), [(broken, RuntimeError, "crash"), (full, UsageError, "no space left")]
+)
+def test_a_writer_that_fails_or_a_full_disk_leaves_nothing(store, writer, kind, said):
+    with pytest.raises(kind, match=said):
+        store.publish(recipe(n=1), writer)
     assert list((store.root / "cartpole" / "fit-gp").iterdir()) == []
 
 
 def test_a_tree_that_does_not_fit_is_one_line(tmp_path):
     (tmp_path / "tree").mkdir()
     (tmp_path / "tree" / "leaf").touch()
-
-    def full(*_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
     with pytest.raises(UsageError, match="no space left"), disk_errors(tmp_path):
         shutil.copytree(tmp_path / "tree", tmp_path / "copy", copy_function=full)
 
@@ -50,7 +44,7 @@ def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):
     """On a file size limit the kernel itself refuses to write on."""
     code = (
         "import resource, signal, sys; from pathlib import Path\n"
-        "from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store; from gpsim.errors import UsageError\n"
+        "from gpsim.artifacts import Recipe, Store; from gpsim.errors import UsageError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "store = Store(Path(sys.argv[1]), 'cartpole')\n"
         "store.publish(Recipe('s', {'n': 1}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(5000)) and None)\n"

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts import keys
-from gpsim.artifacts.artifact import Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Recipe, Store, keys
 
 
 def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_path, monkeypatch):

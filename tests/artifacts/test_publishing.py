@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 from writers import recipe, write
 
-from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, Store, folder_digests, read_artifact
 from gpsim.errors import UsageError
 
 
@@ -121,7 +120,7 @@ def half_made(shelf: Path) -> list[str]:
 def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store, monkeypatch):
     """By a lock, not by the number of a process: another container's may be anybody's here."""
     code = (
-        "import sys, time; from pathlib import Path; from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store\n"
+        "import sys, time; from pathlib import Path; from gpsim.artifacts import Recipe, Store\n"
         "def slow(folder):\n    (folder / 'a').write_text('a'); print('begun', flush=True); time.sleep(60)\n"
         "Store(Path(sys.argv[1]), 'cartpole').publish(Recipe('fit-gp', {'n': 9}, {}, {}), slow)\n"
     )
@@ -148,14 +147,14 @@ def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store,
 
 def test_a_checkout_tells_its_commit(monkeypatch, tmp_path):
     """Looked for where the code lies, whatever folder a command runs in; nothing outside a checkout of gpsim."""
-    from gpsim.artifacts import git_commit, provenance
+    from gpsim.artifacts import git_commit, store
 
-    root = Path(provenance.__file__).resolve().parents[2]
+    root = Path(store.__file__).resolve().parents[2]
     known = subprocess.run(
         ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
     )
     expected = known.stdout.strip() if (root / ".git").exists() and known.returncode == 0 else None
     assert git_commit() == expected
     assert (root / "pyproject.toml").exists() or expected is None
-    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "gpsim/artifacts/provenance.py"))
+    monkeypatch.setattr(store, "__file__", str(tmp_path / "gpsim/artifacts/store.py"))
     assert git_commit.__wrapped__() is None  # it is asked once a process

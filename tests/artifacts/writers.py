@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gpsim.artifacts.artifact import Recipe
+from gpsim.artifacts import Recipe
 
 
 def write(folder: Path):

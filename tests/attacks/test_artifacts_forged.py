@@ -92,7 +92,6 @@ POLICY = '{"format": "gpsim.policy/1", "activation": "tanh", "layers": %s}'
 COMMANDS = [
     ("runs", "list", "--verify"),
     ("runs", "gc", "--keep", "0", "--dry-run"),
-    ("report", "--site"),
 ]
 
 
@@ -248,20 +247,6 @@ def test_gc_of_a_runs_folder_that_is_a_link_does_its_work(tmp_path, made, said):
     code, *_ = said("runs", "gc", "--keep", "0", "--yes", "--runs-dir", "here")
     assert code == 0
     assert not made.path.exists()
-
-
-@pytest.mark.parametrize("empty", [True, False])
-def test_a_site_is_not_written_through_a_link(tmp_path, made, said, empty):
-    theirs = tmp_path / "theirs"
-    theirs.mkdir()
-    if not empty:
-        (theirs / ".gpsim-site").touch()
-        (theirs / "precious").touch()
-    (tmp_path / "site").symlink_to(theirs)
-    code, _, err = said("report", "--site", "--out", "site")
-    assert code == 2
-    assert err == "error: site: is a link, which a site cannot replace; name the folder itself by --out\n"
-    assert (theirs / "precious").exists() is not empty
 
 
 def test_names_are_shown_escaped(made, said):

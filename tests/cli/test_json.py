@@ -315,11 +315,8 @@ def test_what_is_in_runs(loop, gpsim, monkeypatch):
         assert content.get("removed", False) is False
 
 
-def test_a_site_and_a_diagnosis_go_out(loop, gpsim, monkeypatch, tmp_path):
+def test_a_diagnosis_goes_out(loop, gpsim, monkeypatch, tmp_path):
     monkeypatch.chdir(loop[0])
-    code, out, err = gpsim("report", "--site", "--out", tmp_path / "site", "--json")
-    assert code == 0, err
-    assert Path(read(out)["paths"]["site"]).is_file()
     diagnosis = Path("runs/cartpole/diagnose/v0001")
     recording = Path("runs/cartpole/collect/v0001")
     words = ("--mcap", "--out", tmp_path / "d.mcap", "--recording", recording)

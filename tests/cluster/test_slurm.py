@@ -18,7 +18,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from gpsim.artifacts.artifact import MANIFEST
+from gpsim.artifacts import MANIFEST
 
 pytestmark = pytest.mark.cluster
 SCRIPT = Path(__file__).with_name("slurm.sh")

@@ -12,8 +12,7 @@ from pathlib import Path
 import pytest
 
 from gpsim.errors import UsageError
-from gpsim.launchers import Dask, Local, Task, run_tasks
-from gpsim.launchers.tasks import JobFailedError
+from gpsim.launchers import Dask, JobFailedError, Local, Task, run_tasks
 
 distributed = pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")  # Dask brings it
@@ -98,16 +97,12 @@ def test_the_work_of_a_worker_that_was_killed_is_done_by_another(address, tmp_pa
     assert found["t"].result == 2
 
 
-def test_a_folder_that_workers_do_not_see_is_refused(address, tmp_path, monkeypatch):
-    from contextlib import nullcontext
+def test_a_folder_that_workers_do_not_see_is_refused():
+    from gpsim.launchers.dask_jobs import Errand, carry_out
+    from gpsim.trust import lent
 
-    from gpsim.launchers import dask_client
-
-    monkeypatch.setattr(dask_client.Path, "cwd", lambda: Path("/nowhere/at/all"))
-    monkeypatch.setattr(dask_client, "_mark", lambda: nullcontext("no-such-mark"))
-    monkeypatch.setattr(dask_client, "PATIENCE", 0.0)
-    with pytest.raises(UsageError, match=r"launcher.shared=false"):
-        run(address, [Task("t", partial(doubled, 1))])
+    report = carry_out(Errand("t", partial(doubled, 1), "/nowhere/at/all", "no-such-mark", 0.0, lent()))
+    assert "launcher.shared=false" in report.refusal
 
 
 def listening(process):
@@ -120,13 +115,16 @@ def listening(process):
 def test_nobody_else_can_reach_or_order_what_is_started_here():
     """The scheduler runs what it is sent: it takes that from the command alone, which has the key."""
     pytest.importorskip("cryptography")
-    from gpsim.launchers.dask_client import dask_executor
+    from gpsim.launchers.dask_jobs import dask_workers
+    from gpsim.launchers.running import run_in
 
     said, known = [], listening(psutil.Process())
-    with dask_executor(Dask(workers=1, announce=said.append)) as executor:
-        client = executor._client
+    with dask_workers(Dask(workers=1, announce=said.append), silent) as workers:
+        client = workers.client
         address = client.scheduler.address
-        assert client.submit(os.getpid).result() != os.getpid()
+        assert workers.executor.submit(os.getpid).result() != os.getpid()
+        [done] = run_in(workers, [Task("t", partial(doubled, 2))], keep_going=False)
+        assert done.result == 4
         opened = listening(psutil.Process()) - known
         assert {host for host, _ in opened} == {"127.0.0.1"}
         assert said[0].startswith("Dask's dashboard: http://127.0.0.1:")
@@ -138,15 +136,9 @@ def test_nobody_else_can_reach_or_order_what_is_started_here():
                 distributed.Client(stranger, timeout=2, set_as_default=False, security=keys)
 
 
-def test_tasks_run_on_what_is_started_here():
-    pytest.importorskip("cryptography")
-    found = {o.label: o for o in run_tasks(Dask(workers=1), [Task("t", partial(doubled, 2))], silent)}
-    assert found["t"].result == 4
-
-
 def test_keys_for_other_machines_lie_in_a_folder_of_ones_own(tmp_path):
     pytest.importorskip("cryptography")
-    from gpsim.launchers.security import cluster_keys
+    from gpsim.launchers.slurm import cluster_keys
 
     with cluster_keys(tmp_path) as keys:
         [folder] = tmp_path.iterdir()
@@ -200,14 +192,50 @@ def test_without_a_shared_file_system_nothing_outside_the_folder_is_written(addr
     assert not (tmp_path / "elsewhere").exists()
 
 
+def written(out, number):
+    for kind, name in (("public", f"{number:04}/a"), ("scores", f"{number:04}.json")):
+        path = out / kind / name
+        path.parent.mkdir(parents=True)
+        path.write_text(str(number))
+    return number
+
+
+def test_what_trials_wrote_elsewhere_is_put_in_its_place_whole(address):
+    from gpsim.stages.jobs import Carried, run_trials
+
+    out = Path("proof")
+    old = out / "public/0001"
+    old.mkdir(parents=True)
+    (old / "left").write_text("of a half")
+    assert list(
+        run_trials(partial(written, out), [1], Dask(address, shared=False), silent, Carried(out))
+    ) == [(1, 1)]
+    files = sorted(p.as_posix() for p in out.rglob("*") if p.is_file())
+    assert files == ["proof/public/0001/a", "proof/scores/0001.json"]
+
+
+def test_a_parcel_holds_files_by_their_relative_path_and_is_checked(tmp_path):
+    from gpsim.launchers.dask_jobs import Parcel, packed, unpacked
+
+    Path("in/deep").mkdir(parents=True)
+    Path("in/deep/a.txt").write_text("a")
+    Path("in/.lock").write_text("x")
+    parcel = packed([Path("in"), Path("absent")])
+    assert unpacked(parcel, tmp_path / "out") == ["in/deep/a.txt"]
+    assert packed([Path("in")]) == parcel  # the same files, the same bytes
+    assert packed([Path("in")], without=["in/deep/a.txt"]).content != parcel.content
+    with pytest.raises(UsageError, match="damaged on its way"):
+        unpacked(Parcel(parcel.content[:-1] + b"!", parcel.sha256), tmp_path / "other")
+
+
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
-    monkeypatch.setattr("gpsim.launchers.dask_client.CONNECT", 1)
+    monkeypatch.setattr("gpsim.launchers.dask_jobs.CONNECT", 1)
     with pytest.raises(UsageError, match="no Dask scheduler answers"):
         run("tcp://127.0.0.1:9", [Task("t", partial(doubled, 1))])
 
 
 def test_a_scheduler_without_workers_is_told_of_and_waited_for(monkeypatch):
-    monkeypatch.setattr("gpsim.launchers.dask_client.ALONE", 0.0)
+    monkeypatch.setattr("gpsim.launchers.dask_jobs.ALONE", 0.0)
     said = []
     with distributed.LocalCluster(
         n_workers=0, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
@@ -244,7 +272,7 @@ def test_ctrl_c_stays_what_it_was():
     """Importing dask-jobqueue makes it an exit with code 0."""
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-        "import gpsim.launchers.dask_client;"
+        "import gpsim.launchers.dask_jobs;"
         "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -16,7 +16,7 @@ from budgets import TINY
 from cli_calls import called
 from shared_loop import LOOP, finished_loop
 
-from gpsim.artifacts.artifact import MANIFEST, folder_digests, read_artifact
+from gpsim.artifacts import MANIFEST, folder_digests, read_artifact
 
 
 def run_loop(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:

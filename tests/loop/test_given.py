@@ -9,8 +9,7 @@ import pytest
 from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.corrected.effects_plant import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
@@ -59,6 +58,14 @@ def diagnosis(tmp_path):
     return Store(tmp_path, "").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "known").path
 
 
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """Whatever a stage needs is there, without being made."""
+    made = lambda stage, request: Artifact(tmp_path, {"stage": stage.name}, stage.name)  # noqa: E731
+    monkeypatch.setattr(Stage, "need", made)
+    return Artifact(tmp_path, {"stage": "any"}, "ab")
+
+
 @pytest.mark.parametrize("target", ["limo", "recording"])
 def test_a_recording_that_is_given_is_not_collected(drive, target):
     found = labels(asked(f"target={target}", f"recording={drive}"))
@@ -93,35 +100,33 @@ def test_what_is_given_is_opened_before_anything_is_trained(drive, diagnosis, tm
         assert "\n" not in str(caught.value)
 
 
-def test_the_report_lists_what_was_used(drive, diagnosis, monkeypatch):
-    monkeypatch.setattr(
-        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
-    )
-    plain = [(role, seed) for role, seed, _ in report._artifacts(asked(), (0, 1))]
+@pytest.mark.usefixtures("stand_in")
+def test_the_report_lists_what_was_used(drive, diagnosis):
+    plain = [(role, seed) for role, seed, _ in report.artifacts_of(asked(), (0, 1))]
     assert {("collect", 0), ("collect", 1), ("diagnose", 0), ("diagnose", 1)} <= set(plain)
     given = asked(f"recording={drive}", f"diagnosis={diagnosis}")
-    found = report._artifacts(given, (0, 1))
+    found = report.artifacts_of(given, (0, 1))
     roles = [(role, seed) for role, seed, _ in found]
     assert roles[:2] == [("recording", None), ("diagnose", None)]
     assert not {role for role, seed in roles if seed is not None} & {"collect", "diagnose"}
     assert [a.path for _, seed, a in found if seed is None][:2] == [drive, diagnosis]
-    settings = report._settings(given)
+    settings = report.settings_of(given)
     assert (settings["recording"], settings["diagnosis"]) == (str(drive), str(diagnosis))
     assert "collect" not in settings
-    assert {"collect"} == set(report._settings(asked())) - set(report._settings(asked(f"recording={drive}")))
+    assert {"collect"} == set(report.settings_of(asked())) - set(
+        report.settings_of(asked(f"recording={drive}"))
+    )
     # One diagnosis for all seeds is said once.
     requests = {seed: given.having(seed=seed) for seed in (0, 1)}
-    ((seed, (said,)),) = report._named(requests).items()
+    ((seed, (said,)),) = report.told_by_diagnoses(requests).items()
     assert seed == 0
     assert said.startswith("none: nothing is missing")
 
 
-def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path, monkeypatch):
+@pytest.mark.usefixtures("stand_in")
+def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path):
     write_recording(driven(), tmp_path)
-    monkeypatch.setattr(
-        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
-    )
-    found = report._artifacts(replace(asked(), config=asked(f"recording={tmp_path}").config), (0,))
+    found = report.artifacts_of(replace(asked(), config=asked(f"recording={tmp_path}").config), (0,))
     assert not {role for role, _, _ in found} & {"recording", "collect"}
 
 
@@ -143,9 +148,7 @@ def test_a_stand_in_that_was_not_recorded_is_said_to_be_measured(drive, tmp_path
     assert measured_on(asked(f"recording={own}", "target.delay=0.2")) is not None
 
 
-def test_only_what_was_given_changes_what_an_evaluation_is_of(drive, tmp_path, monkeypatch):
-    stand_in = Artifact(tmp_path, {"stage": "any"}, "ab")
-    monkeypatch.setattr(Stage, "need", lambda stage, request: stand_in)
+def test_only_what_was_given_changes_what_an_evaluation_is_of(drive, tmp_path, stand_in):
     assert "measured_on" not in evaluate.recipe(asked()).config
     words = evaluate.recipe(asked(f"recording={drive}")).config["measured_on"]
     (tmp_path / "evaluation.json").write_text(json.dumps({"measured_on": words}))

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_runs import diagnosed, made, orphans, recorded, snapshot, spoil, whole_artifacts
 
-from gpsim.artifacts import Recipe, Store
-from gpsim.artifacts.removal import needed
+from gpsim.artifacts import Recipe, Store, needed
 from gpsim.errors import UsageError
 from gpsim.runs import collect_garbage, garbage, named, read_catalogue, removal_of, remove
 
