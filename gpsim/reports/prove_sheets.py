@@ -1,16 +1,23 @@
-"""A proof's tables: the page and the terminal show the same sheets."""
+"""A proof's tables: the page and the terminal show the same sheets.
+
+Its special worlds (rough logs, robots, whole machines, whole robots, what floats, curves) are groups with the same
+tables each: the figures with their intervals, the same by stratum, and counts by family.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from gpsim.reports.prove_groups import brief_sheets, group_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.trials.statistics import GOALS, bounds_of
 
 Json = Mapping[str, Any]
+VERDICTS = ("named", "ambiguous", "partial", "unknown", "none", "failed")
+INTERVAL = "95 %"
 SIZES = ("single", "pair", "triple")
+FAILED = (*SIZES, "none", "unknown")
 COUNTED = {
     "single": "right",
     "pair": "right",
@@ -34,13 +41,246 @@ MACHINES_COUNTED = {
     "black_box_better": "black_box_better_of",
 }
 """Figure -> of how many it is a share, where that is not the number of machines."""
-FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
     "tuned": "base, parameters tuned",
     "gp": "base + GP (the thesis)",
     "after": "base + named effects",
     "after_gp": "base + named effects + GP",
+}
+NAMERS = {
+    "sindy": "PySINDy, what is missing",
+    "diagnose_on_the_same": "gpsim diagnose, what is missing",
+    "sindy_nothing": "PySINDy, that nothing is",
+    "diagnose_on_the_same_nothing": "gpsim diagnose, that nothing is",
+}
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    return MISSING if share is None else fixed(100 * share, digits)
+
+
+def _bounds(edges: Sequence[float] | None, times: float = 100.0, digits: int = 1) -> str:
+    """An interval, in per cent unless other `times` are asked for."""
+    return MISSING if edges is None else "-".join(fixed(times * edge, digits) for edge in edges)
+
+
+def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
+    """An interval: of a share with three decimals, of a median with three digits."""
+    if not bounds:
+        return MISSING
+    return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
+
+
+class Column(NamedTuple):
+    """A figure of a block under its heads: the figure, and its interval where there are two."""
+
+    heads: tuple[str, ...]
+    cells: Callable[[Json], tuple[str, ...]]
+
+
+def _number(head: str, say: Callable[[Json], str]) -> Column:
+    return Column((head,), lambda b: (say(b),))
+
+
+def _share(head: str, key: str) -> Column:
+    return Column((head, INTERVAL), lambda b: (_percent(b[key]), _bounds(b[f"interval_{key}"])))
+
+
+def _mean(head: str, key: str) -> Column:
+    return Column((head, INTERVAL), lambda b: (fixed(b[key], 2), _bounds(b[f"interval_{key}"], 1.0, 2)))
+
+
+def _count(head: str, some: str, every: str, key: str) -> Column:
+    def cells(b: Json) -> tuple[str, ...]:
+        return (f"{b[some]}/{b[every]}", _bounds(b[f"interval_{key}"])) if b[every] else (MISSING, MISSING)
+
+    return Column((head, INTERVAL), cells)
+
+
+WORLDS = _number("worlds", lambda b: str(b["n"]))
+SPURIOUS = _mean("not there, a world", "spurious")
+ROLLOUTS = (
+    _share("rollouts within 1.3 %", "rollouts_within"),
+    _number("median ratio", lambda b: significant(b["median_rollouts"])),
+)
+VERDICT = _share("verdict right %", "verdict_right")
+ENDS = (
+    _number("failed", lambda b: str(b["failed"])),
+    _number("seconds", lambda b: fixed((b["seconds"] or {}).get("median"))),
+)
+COVERAGE = (_share("coverage %", "coverage_90"), *ENDS)
+
+
+@dataclass(frozen=True)
+class Group:
+    """The tables of one kind of worlds.
+
+    all_of_them: the title of the figures of all; families: the title of the counts by family, and how a right one is
+    called there; turned: a stratum by whose values (columns) the figures stand in a table that fits a terminal, those
+    figures, and its note.
+    """
+
+    title: str
+    columns: tuple[Column, ...]
+    families: tuple[str, str]
+    all_of_them: str
+    note: str = ""
+    with_intervals: bool = False
+    turned: tuple[str, Mapping[str, Callable[[Json], str]], str] | None = None
+
+
+ROLLOUTS_TURNED: Mapping[str, Callable[[Json], str]] = {
+    "held-out rollouts within 1.3 %": lambda b: _percent(b["rollouts_within"]),
+    "their median ratio": lambda b: significant(b["median_rollouts"]),
+}
+JUDGED: Mapping[str, Callable[[Json], str]] = {
+    "verdict right %": lambda b: _percent(b["verdict_right"]),
+    "90 % intervals cover %": lambda b: _percent(b["coverage_90"]),
+    "failed": lambda b: str(b["failed"]),
+    "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
+}
+WHOLE_NOTE = (
+    "rows: friction and rotor of a joint, of those that make 1 % of its torque, within 15 % or the interval; "
+    "bodies: by their own name, in a combination that was named, or by torques that are alike"
+)
+AFLOAT_NOTE = (
+    "quadrotors and boats, hoppers and dogs, which nothing holds; right: every effect told within 15 % of what it "
+    "changes or the interval, and nothing in the headline that is not there"
+)
+GROUPS: Mapping[str, Group] = {
+    "rough": Group(
+        "Rough worlds",
+        (
+            WORLDS,
+            _share("main effects found %", "headline_found"),
+            VERDICT,
+            _mean("spurious a world", "spurious"),
+            *COVERAGE,
+        ),
+        ("Rough worlds: main effects found by family", "found"),
+        "Rough worlds",
+        "main effects of the catalogue among nuisances outside it, in logs as they are; headline effects count",
+    ),
+    "mjcf": Group(
+        "Robots",
+        (
+            WORLDS,
+            _count("one: right", "singles_right", "singles", "single_right"),
+            _count("two: both right", "pairs_right", "pairs", "pair_right"),
+            _count("false alarms", "alarms", "nulls", "false_alarms"),
+            _number("parameter error %", lambda b: _percent(b["median_relative_error"], 2)),
+            *COVERAGE,
+        ),
+        ("Robots: single effects by family", "right"),
+        "Robots",
+        "the simulator is a MuJoCo model; truth by its accelerations, at a quarter of its step, by another scheme",
+    ),
+    "machines": Group(
+        "Whole machines",
+        (
+            _number("machines", lambda b: str(b["n"])),
+            _share("told %", "told"),
+            SPURIOUS,
+            _number("sizes right %", lambda b: _percent(b["sized"])),
+            *ROLLOUTS,
+            _number("black box better %", lambda b: _percent(b["black_box_better"])),
+            VERDICT,
+            *COVERAGE,
+        ),
+        ("Whole machines: effects that count, told", "told"),
+        "Whole machines, with intervals",
+        with_intervals=True,
+        turned=(
+            "class",
+            {
+                "machines": lambda b: str(b["n"]),
+                "effects that count, told %": lambda b: _percent(b["told"]),
+                "told and not there, a machine": lambda b: fixed(b["spurious"], 2),
+                "sizes right %": lambda b: _percent(b["sized"]),
+                **ROLLOUTS_TURNED,
+                "a black box is better %": lambda b: _percent(b["black_box_better"]),
+                **JUDGED,
+            },
+            "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own "
+            "names or by ones that explain as much; rollouts: held-out error over that of the true model fitted to "
+            "the same episodes",
+        ),
+    ),
+    "whole": Group(
+        "Whole robots",
+        (
+            _number("robots", lambda b: str(b["n"])),
+            _share("rows right %", "rows_right"),
+            _number("rows told %", lambda b: _percent(b["rows_told"])),
+            _share("bodies right %", "bodies_right"),
+            _mean("not there, a robot", "spurious"),
+            *ROLLOUTS,
+            VERDICT,
+            *COVERAGE,
+        ),
+        ("Whole robots: rows and bodies right by family", "right"),
+        "Whole robots, with intervals",
+        WHOLE_NOTE,
+        with_intervals=True,
+        turned=(
+            "driven by",
+            {
+                "robots": lambda b: str(b["n"]),
+                "rows of friction and rotors right %": lambda b: _percent(b["rows_right"]),
+                "told by their own names %": lambda b: _percent(b["rows_told"]),
+                "bodies right %": lambda b: _percent(b["bodies_right"]),
+                "told and not there, a robot": lambda b: fixed(b["spurious"], 2),
+                **ROLLOUTS_TURNED,
+                **JUDGED,
+            },
+            WHOLE_NOTE,
+        ),
+    ),
+    "afloat": Group(
+        "Afloat",
+        (
+            WORLDS,
+            _count("right", "worlds_right_count", "worlds_right_of", "worlds_right"),
+            _count("false alarms", "false_alarms_count", "false_alarms_of", "false_alarms"),
+            _count("effects right", "effects_right_count", "effects_right_of", "effects_right"),
+            SPURIOUS,
+            *ROLLOUTS,
+            *COVERAGE,
+        ),
+        ("Afloat: effects right by family", "right"),
+        "Afloat, with intervals",
+        AFLOAT_NOTE,
+        with_intervals=True,
+        turned=(
+            "robot",
+            {
+                "worlds": lambda b: str(b["n"]),
+                "right": lambda b: f"{b['worlds_right_count']}/{b['worlds_right_of']}",
+                "false alarms": lambda b: f"{b['false_alarms_count']}/{b['false_alarms_of']}",
+                "effects right": lambda b: f"{b['effects_right_count']}/{b['effects_right_of']}",
+                "told and not there, a world": lambda b: fixed(b["spurious"], 2),
+                **ROLLOUTS_TURNED,
+                **JUDGED,
+            },
+            AFLOAT_NOTE,
+        ),
+    ),
+    "curves": Group(
+        "Measured curves",
+        (
+            WORLDS,
+            _share("within 10 % of the range %", "curve_right"),
+            _share("site and input right %", "place_right"),
+            _share("a law said to hold %", "named_wrong"),
+            _number("median off %", lambda b: _percent(b["median_off"])),
+            *ENDS,
+        ),
+        ("Measured curves: right by kind of law", "right"),
+        "Measured curves",
+        "laws of one input that no family has; how far the curve is off, over what was visited; right: near it, and no "
+        "law of the catalogue is said to hold",
+    ),
 }
 
 
@@ -50,8 +290,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
     return [
         *(make(content) for make in first),
         *(made for make in (group_sheets, plan_sheets, strata_sheets) for made in make(content)),
-        families_sheet(content),
-        kinds_sheet(content),
+        *(make(content) for make in (families_sheet, kinds_sheet)),
     ]
 
 
@@ -67,6 +306,71 @@ def terminal_sheets(content: Json) -> list[Sheet]:
     return [made for made in sheets if made.rows]
 
 
+def group_sheets(content: Json) -> list[Sheet]:
+    """The tables of every group of which a world was revealed."""
+    return [made for part in GROUPS if content.get(part) for made in _part_sheets(part, content[part])]
+
+
+def brief_sheets(content: Json) -> list[Sheet]:
+    """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
+    parts = {part: list(_part_sheets(part, content[part])) for part in GROUPS if content.get(part)}
+    shown = {part: slice(1) for part in GROUPS} | {"rough": slice(-2, -1), "machines": slice(2)}
+    return [made for part, sheets in parts.items() for made in sheets[shown[part]]]
+
+
+def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
+    """The tables of one group."""
+    group = GROUPS[part]
+    if group.turned is not None:
+        stratum, figures, note = group.turned
+        blocks = {"all": block, **block["strata"][stratum]}
+        turned = ((label, *(say(b) for b in blocks.values())) for label, say in figures.items())
+        yield sheet(group.title, ("", *blocks), turned, note=note)
+    if part == "machines":
+        yield _verdicts_sheet(group.title, block["verdicts"])
+    yield _figures(group, group.all_of_them, {"all": block}, group.note)
+    for name, blocks in block["strata"].items():
+        yield _figures(group, f"{group.title} by {name}", blocks)
+    if part == "rough":
+        yield _verdicts_sheet(group.title, block["verdicts"])
+    yield _families(group, group.families, block["families"])
+    if "joints" in block:
+        yield _families(group, (f"{group.title}: rows right by joint", "right"), block["joints"])
+    if "spurious_families" in block:
+        found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
+        columns = ("", group.columns[0].heads[0])
+        yield sheet(f"{group.title}: told and not there", columns, ((n, str(count)) for n, count in found))
+
+
+def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
+    """What was said (columns) where what was called for (rows)."""
+    rows = (
+        (
+            Cell(wanted),
+            *(
+                Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in wanted.split(" or "))
+                for v in VERDICTS
+            ),
+        )
+        for wanted, said in verdicts.items()
+    )
+    return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
+
+
+def _figures(group: Group, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
+    heads = [head for column in group.columns for head in column.heads]
+    rows = ((n, *(c for column in group.columns for c in column.cells(block))) for n, block in blocks.items())
+    return sheet(title, ("", *heads), rows, note=note)
+
+
+def _families(group: Group, said: tuple[str, str], families: Mapping[str, Json]) -> Sheet:
+    (title, counted), more = said, [INTERVAL] * group.with_intervals
+    rows = (
+        (n, f"{f[counted]}/{f['n']}", *(_bounds(f["interval"]) for _ in more)) for n, f in families.items()
+    )
+    return sheet(title, ("", counted, *more), rows)
+
+
 def goals_sheet(content: Json) -> Sheet:
     """What has to be reached and what was, wherever the proof has worlds that it is about."""
 
@@ -75,11 +379,11 @@ def goals_sheet(content: Json) -> Sheet:
         block = content.get(part, {})
         bounds = _within(bounds_of(block, key), key.startswith("median"))
         got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
-        return GOALS[name].label, goal["wanted"], got, bounds, _number(part, key, block)
+        return GOALS[name].label, goal["wanted"], got, bounds, _counted(part, key, block)
 
     return sheet(
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
-        ("", "wanted", "got", "95 %", "count"),
+        ("", "wanted", "got", INTERVAL, "count"),
         (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
         "on rough worlds; machines: whole ones; whole robots: all joints at once; afloat: what floats or "
@@ -88,19 +392,17 @@ def goals_sheet(content: Json) -> Sheet:
     )
 
 
-def _number(part: str, key: str, block: Json) -> str:
+def _counted(part: str, key: str, block: Json) -> str:
     """What a figure counts: some of so many worlds, or so many where it is no count."""
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
     if part in ("whole", "afloat") and key != "spurious":
         return f"{block[f'{key}_count']}/{block[f'{key}_of']}"
-    if part == "machines" and key != "spurious":
-        every = block[MACHINES_COUNTED.get(key, "n")]
-        return f"{round(block[key] * every)}/{every}"
-    if part == "curves":
-        every = block["n"] - (block["failed"] if key == "named_wrong" else 0)
-        return f"{round(block[key] * every)}/{every}"
+    if part == "curves" or (part == "machines" and key != "spurious"):
+        of = block[MACHINES_COUNTED.get(key, "n") if part == "machines" else "n"]
+        of -= block["failed"] if (part, key) == ("curves", "named_wrong") else 0
+        return f"{round(block[key] * of)}/{of}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)
     if key == "share_named_wrong" and block:
@@ -121,7 +423,7 @@ def shares_sheet(content: Json) -> Sheet:
     failed = [f"{name} {content[name]['failed']}" for name in FAILED if content.get(name, {}).get("failed")]
     return sheet(
         "Part by part, on the same worlds",
-        ("", "share", "95 %", "count"),
+        ("", "share", INTERVAL, "count"),
         (
             (label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
             for label, part in parts.items()
@@ -153,7 +455,7 @@ def medians_sheet(content: Json) -> Sheet:
         for label, (p, key) in parts.items()
         if p
     )
-    return sheet("Sizes of errors", ("", "median", "95 %", "mean", "count"), rows)
+    return sheet("Sizes of errors", ("", "median", INTERVAL, "mean", "count"), rows)
 
 
 def rivals_sheet(content: Json) -> Sheet:
@@ -165,7 +467,7 @@ def rivals_sheet(content: Json) -> Sheet:
     )
     return sheet(
         "Held-out one-step error over the true model's own, worst rate",
-        ("", "worlds", "median ratio", "95 %", "% within 1.1", "95 %"),
+        ("", "worlds", "median ratio", INTERVAL, "% within 1.1", INTERVAL),
         rows,
         note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
     )
@@ -191,25 +493,30 @@ def plan_sheets(content: Json) -> list[Sheet]:
         f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted to "
         "both, the right one ahead by odds above ten"
     )
-    columns = ("next recording", "resolved", "95 %", "seconds, median", "left the box")
+    columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
     return [sheet("The next recording", columns, rows, note=note)]
 
 
 def namers_sheet(content: Json) -> Sheet:
     """Who names more, where PySINDy's library holds the truth."""
-    names = {
-        "sindy": "PySINDy, what is missing",
-        "diagnose_on_the_same": "gpsim diagnose, what is missing",
-        "sindy_nothing": "PySINDy, that nothing is",
-        "diagnose_on_the_same_nothing": "gpsim diagnose, that nothing is",
-    }
     found = content["rivals"]
     return sheet(
         "Namers, where PySINDy's library holds the truth",
-        ("", "worlds", "% right", "95 %"),
-        ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in names.items() if k in found),
+        ("", "worlds", "% right", INTERVAL),
+        ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in NAMERS.items() if k in found),
         note="mechanical systems with every effect a term of its library and acting everywhere, visible or not",
     )
+
+
+def _shared(block: Json) -> tuple[str, str]:
+    """A share in per cent, and its interval."""
+    return _percent(block["share"]), _bounds(block["interval"])
+
+
+STRATUM = (
+    "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
+    "coverage %", "fit within 1.1", "seconds",
+)  # fmt: skip
 
 
 def strata_sheets(content: Json) -> list[Sheet]:
@@ -225,20 +532,19 @@ def strata_sheets(content: Json) -> list[Sheet]:
     ]
 
 
-STRATUM = (
-    "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
-    "coverage %", "fit within 1.1", "seconds",
-)  # fmt: skip
-
-
 def _stratum(name: str, block: Json) -> tuple[str, ...]:
+    def count(part: str, key: str) -> str:
+        found = block.get(part)
+        return MISSING if found is None else f"{found[key]}/{found['n']}"
+
     counts = [(size, "right") for size in SIZES]
     counts += [("none", "false_alarms"), ("unknown", "said_so"), ("location", "right")]
+    parameters = block.get("parameters") or {}
     return (
         name,
-        *(_share(block.get(part), key) for part, key in counts),
-        *(_percent(block.get("parameters"), key) for key in ("median_relative_error", "coverage_90")),
-        _share(block.get("fit"), "within"),
+        *(count(part, key) for part, key in counts),
+        *(_percent(parameters.get(key)) for key in ("median_relative_error", "coverage_90")),
+        count("fit", "within"),
         fixed(block.get("seconds", {}).get("median")),
     )
 
@@ -246,31 +552,10 @@ def _stratum(name: str, block: Json) -> tuple[str, ...]:
 def families_sheet(content: Json) -> Sheet:
     """Single effects by what they are."""
     rows = ((n, f"{f['right']}/{f['n']}", _within(f["interval"])) for n, f in content["families"].items())
-    return sheet("Visible single effects by family", ("", "right", "95 %"), rows)
+    return sheet("Visible single effects by family", ("", "right", INTERVAL), rows)
 
 
 def kinds_sheet(content: Json) -> Sheet:
     """Physics outside the catalogue by what it is."""
     rows = ((n, f"{k['said_so']}/{k['n']}", str(k["named_wrong"])) for n, k in content["kinds"].items())
     return sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), rows)
-
-
-def _share(block: Json | None, name: str) -> str:
-    return MISSING if block is None else f"{block[name]}/{block['n']}"
-
-
-def _percent(block: Json | None, name: str) -> str:
-    return MISSING if block is None or block[name] is None else fixed(100 * block[name])
-
-
-def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
-    """An interval: of a share with three decimals, of a median with three digits."""
-    if not bounds:
-        return MISSING
-    return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
-
-
-def _shared(block: Json) -> tuple[str, str]:
-    """A share in per cent, and its interval."""
-    low, high = block["interval"]
-    return fixed(100 * block["share"]), f"{fixed(100 * low)}-{fixed(100 * high)}"

@@ -1,9 +1,9 @@
 """Measured curves in words and as a picture."""
 
 from gpsim.findings import Estimate, MeasuredCurve, NamedEffect
-from gpsim.reports.account_effects import beyond, course, curve_sentence, effect_name, extent
-from gpsim.reports.account_figures import measured_picture
+from gpsim.reports.account_effects import beyond, curve_sentence, effect_name, slight_text
 from gpsim.reports.canvas import style
+from gpsim.reports.diagnosis_figures import measured_picture
 
 ABOUT = {"quantity": "force on q", "unit": "N", "input": "q_dot", "input_unit": "m/s", "freedom": 8.1}
 CURVE = MeasuredCurve(
@@ -45,8 +45,8 @@ def test_a_sentence_says_where_it_goes():
 
 
 def test_a_table_has_its_extent_and_so_has_the_sentence_of_a_map():
-    assert extent(CURVE) == "-2.94 to 3.07 N"
-    assert course(MAP) == "it lies between -1 and 1 N"
+    assert slight_text([effect(CURVE)]).endswith("measured force on q (-2.94 to 3.07 N)")
+    assert curve_sentence(effect(MAP)).endswith("; it lies between -1 and 1 N")
 
 
 def test_what_to_record_next_lies_beyond_what_was_measured():

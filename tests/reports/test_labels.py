@@ -12,8 +12,7 @@ from gpsim.evaluation.summary import summarise_seeds
 from gpsim.reports.loop_figures import figure_learning_curves, figure_returns
 from gpsim.reports.loop_page import render, terminal_notes
 from gpsim.reports.loop_report import LoopReport, TripReport
-from gpsim.reports.loop_sheets import paragraph, return_sheets, success_sheets
-from gpsim.reports.model_sheets import one_step_sheet, rollout_sheet
+from gpsim.reports.loop_sheets import one_step_sheet, paragraph, return_sheets, rollout_sheet, success_sheets
 
 UNDRAWN = "gpsim.reports.loop_page.data_uri"
 
@@ -86,28 +85,6 @@ def test_curves_of_a_goal_are_not_counted_in_steps(make_report: Any) -> None:
     axis = balancing.axes[0]
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("steps in training", "mean return [steps]")
     assert axis.get_ylim() == (0.0, 525.0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "table"),
-    [
-        ({}, "4.3"),
-        ({"experiment": "limo", "system": "unicycle"}, "4.5"),
-        ({"experiment": "mine"}, None),
-        ({"system": "mine.py:CartPole"}, None),
-    ],
-)
-def test_the_thesiss_errors_stand_beside_its_own_experiments_only(
-    make_report: Any, monkeypatch: pytest.MonkeyPatch, changes: dict[str, str], table: str | None
-) -> None:
-    monkeypatch.setattr(UNDRAWN, lambda figure: "data:,")
-    report = replace(make_report(), **changes)
-    columns = one_step_sheet(report).columns
-    assert ("Thesis NRMSE" in columns) == (table is not None)
-    assert all(len(row) == len(columns) for row in one_step_sheet(report).rows)
-    page = render(report)
-    for number in ("4.3", "4.5"):
-        assert (f"Thesis: Table {number}, on episodes" in page) == (number == table)
 
 
 def test_what_was_judged_on_reads_as_a_sentence(make_report: Any) -> None:

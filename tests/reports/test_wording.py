@@ -18,7 +18,6 @@ from gpsim.findings import (
 )
 from gpsim.reports.wording import (
     effect_sentence,
-    excitation_text,
     no_gp_text,
     tell_apart_text,
     worded,
@@ -112,7 +111,8 @@ def test_a_strangers_effect_of_a_known_name_is_said_all_the_same():
     ],
 )
 def test_what_to_drive_an_action_with_is_said(excitation, said):
-    assert excitation_text(excitation) == said
+    advice = Discrimination((Separation(excitation, ((("spring", "q"),), ()), "q", 3.0),), ())
+    assert tell_apart_text(advice).startswith(f"record {said}: spring on q and neither of them then differ")
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,8 @@
 
 import pytest
 
-from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows
-from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
+from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring.rules import rough_verdicts, score
 from gpsim.trials.statistics import summarise
