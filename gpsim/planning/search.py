@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.planning.around import Around
 from gpsim.planning.information import (
     POINTS,
     Sums,
@@ -18,9 +17,8 @@ from gpsim.planning.information import (
     separations,
     summed,
 )
-from gpsim.planning.limits import Limits
-from gpsim.planning.models import Model
-from gpsim.planning.settings import PlanSettings
+from gpsim.planning.limits import Limits, PlanSettings
+from gpsim.planning.models import Around, Model
 from gpsim.planning.signals import FIXED, SHAPES, multisine, there_and_back, usual
 
 SHORTER = (1.0, 0.5, 0.25)  # times the longest piece, that one may be driven

@@ -7,8 +7,10 @@ tables each: the figures with their intervals, the same by stratum, and counts b
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from importlib import resources
+from typing import Any
+
+import yaml
 
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.trials.statistics import GOALS, bounds_of
@@ -72,216 +74,39 @@ def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
     return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
 
 
-class Column(NamedTuple):
-    """A figure of a block under its heads: the figure, and its interval where there are two."""
-
-    heads: tuple[str, ...]
-    cells: Callable[[Json], tuple[str, ...]]
-
-
-def _number(head: str, say: Callable[[Json], str]) -> Column:
-    return Column((head,), lambda b: (say(b),))
-
-
-def _share(head: str, key: str) -> Column:
-    return Column((head, INTERVAL), lambda b: (_percent(b[key]), _bounds(b[f"interval_{key}"])))
-
-
-def _mean(head: str, key: str) -> Column:
-    return Column((head, INTERVAL), lambda b: (fixed(b[key], 2), _bounds(b[f"interval_{key}"], 1.0, 2)))
-
-
-def _count(head: str, some: str, every: str, key: str) -> Column:
-    def cells(b: Json) -> tuple[str, ...]:
-        return (f"{b[some]}/{b[every]}", _bounds(b[f"interval_{key}"])) if b[every] else (MISSING, MISSING)
-
-    return Column((head, INTERVAL), cells)
+def _cells(said: str, b: Json) -> tuple[str, ...]:
+    """A figure of a block, and its interval where it has one, as a column of GROUPS says."""
+    kind, key, *more = said.split()
+    every = b[more[0]] if kind in ("of", "ratio") else None
+    if kind == "of":
+        return (f"{b[key]}/{every}", _bounds(b[f"interval_{more[1]}"])) if every else (MISSING, MISSING)
+    if kind == "share":
+        return _percent(b[key]), _bounds(b[f"interval_{key}"])
+    if kind == "mean":
+        return fixed(b[key], 2), _bounds(b[f"interval_{key}"], 1.0, 2)
+    alone: Mapping[str, Callable[[Any], str]] = {
+        "count": str,
+        "percent": lambda value: _percent(value, *map(int, more)),
+        "number": lambda value: fixed(value, 2),
+        "significant": significant,
+        "median": lambda value: fixed((value or {}).get("median")),
+        "ratio": lambda value: f"{value}/{every}",
+    }
+    return (alone[kind](b[key]),)
 
 
-WORLDS = _number("worlds", lambda b: str(b["n"]))
-SPURIOUS = _mean("not there, a world", "spurious")
-ROLLOUTS = (
-    _share("rollouts within 1.3 %", "rollouts_within"),
-    _number("median ratio", lambda b: significant(b["median_rollouts"])),
-)
-VERDICT = _share("verdict right %", "verdict_right")
-ENDS = (
-    _number("failed", lambda b: str(b["failed"])),
-    _number("seconds", lambda b: fixed((b["seconds"] or {}).get("median"))),
-)
-COVERAGE = (_share("coverage %", "coverage_90"), *ENDS)
+def _groups() -> Mapping[str, Json]:
+    text = (
+        resources.files("gpsim.reports")
+        .joinpath("templates", "prove_groups.yaml")
+        .read_text(encoding="utf-8")
+    )
+    found: Mapping[str, Json] = yaml.safe_load(text)
+    return found
 
 
-@dataclass(frozen=True)
-class Group:
-    """The tables of one kind of worlds.
-
-    all_of_them: the title of the figures of all; families: the title of the counts by family, and how a right one is
-    called there; turned: a stratum by whose values (columns) the figures stand in a table that fits a terminal, those
-    figures, and its note.
-    """
-
-    title: str
-    columns: tuple[Column, ...]
-    families: tuple[str, str]
-    all_of_them: str
-    note: str = ""
-    with_intervals: bool = False
-    turned: tuple[str, Mapping[str, Callable[[Json], str]], str] | None = None
-
-
-ROLLOUTS_TURNED: Mapping[str, Callable[[Json], str]] = {
-    "held-out rollouts within 1.3 %": lambda b: _percent(b["rollouts_within"]),
-    "their median ratio": lambda b: significant(b["median_rollouts"]),
-}
-JUDGED: Mapping[str, Callable[[Json], str]] = {
-    "verdict right %": lambda b: _percent(b["verdict_right"]),
-    "90 % intervals cover %": lambda b: _percent(b["coverage_90"]),
-    "failed": lambda b: str(b["failed"]),
-    "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
-}
-WHOLE_NOTE = (
-    "rows: friction and rotor of a joint, of those that make 1 % of its torque, within 15 % or the interval; "
-    "bodies: by their own name, in a combination that was named, or by torques that are alike"
-)
-AFLOAT_NOTE = (
-    "quadrotors and boats, hoppers and dogs, which nothing holds; right: every effect told within 15 % of what it "
-    "changes or the interval, and nothing in the headline that is not there"
-)
-GROUPS: Mapping[str, Group] = {
-    "rough": Group(
-        "Rough worlds",
-        (
-            WORLDS,
-            _share("main effects found %", "headline_found"),
-            VERDICT,
-            _mean("spurious a world", "spurious"),
-            *COVERAGE,
-        ),
-        ("Rough worlds: main effects found by family", "found"),
-        "Rough worlds",
-        "main effects of the catalogue among nuisances outside it, in logs as they are; headline effects count",
-    ),
-    "mjcf": Group(
-        "Robots",
-        (
-            WORLDS,
-            _count("one: right", "singles_right", "singles", "single_right"),
-            _count("two: both right", "pairs_right", "pairs", "pair_right"),
-            _count("false alarms", "alarms", "nulls", "false_alarms"),
-            _number("parameter error %", lambda b: _percent(b["median_relative_error"], 2)),
-            *COVERAGE,
-        ),
-        ("Robots: single effects by family", "right"),
-        "Robots",
-        "the simulator is a MuJoCo model; truth by its accelerations, at a quarter of its step, by another scheme",
-    ),
-    "machines": Group(
-        "Whole machines",
-        (
-            _number("machines", lambda b: str(b["n"])),
-            _share("told %", "told"),
-            SPURIOUS,
-            _number("sizes right %", lambda b: _percent(b["sized"])),
-            *ROLLOUTS,
-            _number("black box better %", lambda b: _percent(b["black_box_better"])),
-            VERDICT,
-            *COVERAGE,
-        ),
-        ("Whole machines: effects that count, told", "told"),
-        "Whole machines, with intervals",
-        with_intervals=True,
-        turned=(
-            "class",
-            {
-                "machines": lambda b: str(b["n"]),
-                "effects that count, told %": lambda b: _percent(b["told"]),
-                "told and not there, a machine": lambda b: fixed(b["spurious"], 2),
-                "sizes right %": lambda b: _percent(b["sized"]),
-                **ROLLOUTS_TURNED,
-                "a black box is better %": lambda b: _percent(b["black_box_better"]),
-                **JUDGED,
-            },
-            "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own "
-            "names or by ones that explain as much; rollouts: held-out error over that of the true model fitted to "
-            "the same episodes",
-        ),
-    ),
-    "whole": Group(
-        "Whole robots",
-        (
-            _number("robots", lambda b: str(b["n"])),
-            _share("rows right %", "rows_right"),
-            _number("rows told %", lambda b: _percent(b["rows_told"])),
-            _share("bodies right %", "bodies_right"),
-            _mean("not there, a robot", "spurious"),
-            *ROLLOUTS,
-            VERDICT,
-            *COVERAGE,
-        ),
-        ("Whole robots: rows and bodies right by family", "right"),
-        "Whole robots, with intervals",
-        WHOLE_NOTE,
-        with_intervals=True,
-        turned=(
-            "driven by",
-            {
-                "robots": lambda b: str(b["n"]),
-                "rows of friction and rotors right %": lambda b: _percent(b["rows_right"]),
-                "told by their own names %": lambda b: _percent(b["rows_told"]),
-                "bodies right %": lambda b: _percent(b["bodies_right"]),
-                "told and not there, a robot": lambda b: fixed(b["spurious"], 2),
-                **ROLLOUTS_TURNED,
-                **JUDGED,
-            },
-            WHOLE_NOTE,
-        ),
-    ),
-    "afloat": Group(
-        "Afloat",
-        (
-            WORLDS,
-            _count("right", "worlds_right_count", "worlds_right_of", "worlds_right"),
-            _count("false alarms", "false_alarms_count", "false_alarms_of", "false_alarms"),
-            _count("effects right", "effects_right_count", "effects_right_of", "effects_right"),
-            SPURIOUS,
-            *ROLLOUTS,
-            *COVERAGE,
-        ),
-        ("Afloat: effects right by family", "right"),
-        "Afloat, with intervals",
-        AFLOAT_NOTE,
-        with_intervals=True,
-        turned=(
-            "robot",
-            {
-                "worlds": lambda b: str(b["n"]),
-                "right": lambda b: f"{b['worlds_right_count']}/{b['worlds_right_of']}",
-                "false alarms": lambda b: f"{b['false_alarms_count']}/{b['false_alarms_of']}",
-                "effects right": lambda b: f"{b['effects_right_count']}/{b['effects_right_of']}",
-                "told and not there, a world": lambda b: fixed(b["spurious"], 2),
-                **ROLLOUTS_TURNED,
-                **JUDGED,
-            },
-            AFLOAT_NOTE,
-        ),
-    ),
-    "curves": Group(
-        "Measured curves",
-        (
-            WORLDS,
-            _share("within 10 % of the range %", "curve_right"),
-            _share("site and input right %", "place_right"),
-            _share("a law said to hold %", "named_wrong"),
-            _number("median off %", lambda b: _percent(b["median_off"])),
-            *ENDS,
-        ),
-        ("Measured curves: right by kind of law", "right"),
-        "Measured curves",
-        "laws of one input that no family has; how far the curve is off, over what was visited; right: near it, and no "
-        "law of the catalogue is said to hold",
-    ),
-}
+GROUPS = _groups()
+WITH_INTERVAL = ("share", "mean", "of")  # kinds of columns
 
 
 def proof_sheets(content: Json) -> list[Sheet]:
@@ -321,25 +146,29 @@ def brief_sheets(content: Json) -> list[Sheet]:
 def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
     """The tables of one group."""
     group = GROUPS[part]
-    if group.turned is not None:
-        stratum, figures, note = group.turned
-        blocks = {"all": block, **block["strata"][stratum]}
-        turned = ((label, *(say(b) for b in blocks.values())) for label, say in figures.items())
-        yield sheet(group.title, ("", *blocks), turned, note=note)
+    title, more = group["title"], group.get("with_intervals", False)
+    if turned := group.get("turned"):
+        blocks = {"all": block, **block["strata"][turned["by"]]}
+        figures = (
+            (label, *(_cells(said, b)[0] for b in blocks.values()))
+            for label, said in turned["figures"].items()
+        )
+        yield sheet(title, ("", *blocks), figures, note=turned["note"])
     if part == "machines":
-        yield _verdicts_sheet(group.title, block["verdicts"])
-    yield _figures(group, group.all_of_them, {"all": block}, group.note)
+        yield _verdicts_sheet(title, block["verdicts"])
+    yield _figures(group, title + ", with intervals" * more, {"all": block}, group["note"])
     for name, blocks in block["strata"].items():
-        yield _figures(group, f"{group.title} by {name}", blocks)
+        yield _figures(group, f"{title} by {name}", blocks)
     if part == "rough":
-        yield _verdicts_sheet(group.title, block["verdicts"])
-    yield _families(group, group.families, block["families"])
+        yield _verdicts_sheet(title, block["verdicts"])
+    for families, counted in group["families"].items():
+        yield _families(f"{title}: {families}", counted, more, block["families"])
     if "joints" in block:
-        yield _families(group, (f"{group.title}: rows right by joint", "right"), block["joints"])
+        yield _families(f"{title}: rows right by joint", "right", more, block["joints"])
     if "spurious_families" in block:
         found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
-        columns = ("", group.columns[0].heads[0])
-        yield sheet(f"{group.title}: told and not there", columns, ((n, str(count)) for n, count in found))
+        columns = ("", next(iter(group["columns"])))
+        yield sheet(f"{title}: told and not there", columns, ((n, str(count)) for n, count in found))
 
 
 def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
@@ -357,14 +186,19 @@ def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
     return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
 
 
-def _figures(group: Group, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
-    heads = [head for column in group.columns for head in column.heads]
-    rows = ((n, *(c for column in group.columns for c in column.cells(block))) for n, block in blocks.items())
+def _figures(group: Json, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
+    columns = group["columns"]
+    heads = [
+        h for head, said in columns.items() for h in (head, INTERVAL)[: 1 + said.startswith(WITH_INTERVAL)]
+    ]
+    rows = (
+        (n, *(c for said in columns.values() for c in _cells(said, block))) for n, block in blocks.items()
+    )
     return sheet(title, ("", *heads), rows, note=note)
 
 
-def _families(group: Group, said: tuple[str, str], families: Mapping[str, Json]) -> Sheet:
-    (title, counted), more = said, [INTERVAL] * group.with_intervals
+def _families(title: str, counted: str, with_intervals: bool, families: Mapping[str, Json]) -> Sheet:
+    more = [INTERVAL] * with_intervals
     rows = (
         (n, f"{f[counted]}/{f['n']}", *(_bounds(f["interval"]) for _ in more)) for n, f in families.items()
     )
