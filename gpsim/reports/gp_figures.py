@@ -37,13 +37,10 @@ NEAREST = 0.25
 
 
 def residual_slices(
-    residuals: Residuals, correction: GpCorrection, rows: IntArray, *, points: int = 401
+    residuals: Residuals, correction: GpCorrection, rows: IntArray
 ) -> dict[str, ResidualSlice]:
     """One slice per rate, each along its most telling input; rows: those that the GP was conditioned on."""
-    return {
-        name: residual_slice(residuals, correction, rows, name, points=points)
-        for name in residuals.rate.names
-    }
+    return {name: residual_slice(residuals, correction, rows, name) for name in residuals.rate.names}
 
 
 def residual_slice(
@@ -51,7 +48,6 @@ def residual_slice(
     correction: GpCorrection,
     rows: IntArray,
     rate: str,
-    *,
     channel: str | None = None,
     points: int = 401,
 ) -> ResidualSlice:
@@ -60,7 +56,7 @@ def residual_slice(
     A median is a value that occurs, so that an action stays one that can be taken. The grid steps over zero
     in no width at all: an input that jumps there shows as a jump and not as a slope.
     """
-    column = residuals.rate.index(rate)
+    names, column = residuals.channels.names, residuals.rate.index(rate)
     inputs, targets = residuals.inputs[rows], residuals.values[rows, column]
     along = most_telling(inputs, targets) if channel is None else residuals.channels.index(channel)
     middle = np.quantile(inputs, 0.5, axis=0, method="closest_observation")
@@ -70,11 +66,10 @@ def residual_slice(
     mean, variance = correction.predictor.mean_and_variance(correction.features(line))
     predicted = correction.predictor.mean(correction.features(inputs))[:, column]
     noise = correction.predictor.noise_variances[column]
-    others = [name for i, name in enumerate(residuals.channels.names) if i != along]
     return ResidualSlice(
         rate=rate,
-        channel=residuals.channels.names[along],
-        at={name: float(middle[residuals.channels.index(name)]) for name in others},
+        channel=names[along],
+        at={name: float(middle[i]) for i, name in enumerate(names) if i != along},
         grid=grid,
         mean=mean[:, column],
         observed_std=np.sqrt(variance[:, column] + noise),

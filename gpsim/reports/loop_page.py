@@ -45,27 +45,24 @@ from gpsim.reports.sheets import Cell, Sheet, literal, printable
 HEADER = (
     12  # characters a line of a column's head may hold: heads must not make a table wider than a terminal
 )
-FIGURES: Mapping[str, tuple[Callable[[LoopReport], Figure | None], Callable[[LoopReport], Iterator[str]]]] = {
-    "trips": (figure_trips, lambda report: iter(())),
-    "steps": (figure_steps, lambda report: iter(())),
-    "returns": (figure_returns, lambda report: iter(())),
-    "slices": (
-        figure_residual_slices,
-        lambda report: (name for cut in report.slices.values() for name in (cut.rate, cut.channel, *cut.at)),
-    ),
-    "calibration": (figure_calibration, lambda report: iter(rates(report))),
-    "rollouts": (figure_rollouts, lambda report: iter(report.states)),
-    "divergence": (figure_divergence, lambda report: iter(report.states)),
-    "learning": (figure_learning_curves, lambda report: iter(())),
-    "rounds": (figure_expert_rounds, lambda report: iter(())),
+FIGURES: Mapping[str, Callable[[LoopReport], Figure | None]] = {
+    "trips": figure_trips,
+    "steps": figure_steps,
+    "returns": figure_returns,
+    "slices": figure_residual_slices,
+    "calibration": figure_calibration,
+    "rollouts": figure_rollouts,
+    "divergence": figure_divergence,
+    "learning": figure_learning_curves,
+    "rounds": figure_expert_rounds,
 }
-"""By their keys in the template: the figure, and the names of channels and rates that it holds."""
+"""By their keys in the template."""
 
 
 def render(report: LoopReport) -> str:
     """The page; equal reports give equal pages."""
     colour = colours([*report.policies, *report.rollouts])
-    drawn = {key: (make(report), names) for key, (make, names) in FIGURES.items()}
+    drawn = {key: make(report) for key, make in FIGURES.items()}
     return page_of(
         "loop_report.html.jinja",
         resource("loop_report.css") + _tints(colour),
@@ -81,13 +78,20 @@ def render(report: LoopReport) -> str:
         fit=fit_sheet(report),
         scales=scale_sheet(report),
         warnings=gp_warnings(report),
-        pictures={
-            key: (data_uri(figure), list(dict.fromkeys(names(report))))
-            for key, (figure, names) in drawn.items()
-            if figure is not None
-        },
+        pictures={key: (data_uri(f), _shown(report, key)) for key, f in drawn.items() if f is not None},
         settings=list(_settings(report.settings)),
     )
+
+
+def _shown(report: LoopReport, picture: str) -> list[str]:
+    """Names of channels and rates that a picture holds, of which long ones are shortened."""
+    names = {
+        "slices": [name for cut in report.slices.values() for name in (cut.rate, cut.channel, *cut.at)],
+        "calibration": rates(report),
+        "rollouts": report.states,
+        "divergence": report.states,
+    }
+    return list(dict.fromkeys(names.get(picture, ())))
 
 
 def _settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -28,12 +28,8 @@ POSTURES = 60  # of the recording, among which the one that shows most is looked
 AZIMUTHS, ELEVATIONS = range(0, 360, 15), (-10, -35, -80)  # degrees
 LEAST = 0.1  # of the mismatch: what the scale reaches at least
 ROWS, LAWS, SAID = 12, 2, 38  # joints that are listed at most, laws told of one, and their letters
-WIDE, HIGH, BELOW, ROW = (
-    5.4,
-    1.9,
-    0.45,
-    0.32,
-)  # inches: the picture, the robot at least, the scale, a joint's lines
+WIDE, HIGH = 5.4, 1.9  # inches: the picture, the robot at least
+BELOW, ROW = 0.45, 0.32  # inches: the scale, a joint's lines
 BESIDE = 3.0  # inches: where the list begins
 AMBIENT = 0.6  # of the light: colours can be told apart in the shade, too
 DOTS = 200  # an inch of the rendered robot, and of the picture
