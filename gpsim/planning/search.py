@@ -96,11 +96,11 @@ class Search:
         return Situation(*self._rested(), 0.0, nothing_played(self.models), unvisited)
 
     def _rested(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        rest = self.limits.rest
-        return (
-            tuple(np.tile(rest, (len(m.thetas), 1)) for m in self.models),
-            tuple(np.tile(rest, (len(m.thetas), 1)) for m in self.checkers),
-        )
+        at_rest = [
+            tuple(np.tile(self.limits.rest, (len(m.thetas), 1)) for m in models)
+            for models in (self.models, self.checkers)
+        ]
+        return at_rest[0], at_rest[1]
 
     def next(self, at: Situation, steps: int) -> tuple[Candidate, Tried, Situation] | None:
         """The safe piece of at most so many steps that teaches most a minute, and where it leads; None if none is."""
