@@ -230,7 +230,7 @@ def run_stage(stage: Stage, setup: Setup, out: Path | None, dry_run: bool = Fals
 
 def show_standing(stage: Stage, request: Request) -> None:
     """Print what is there of a stage, or what would be made and why."""
-    from gpsim.reports.runs_sheets import dry_run_lines
+    from gpsim.reports.runs_text import dry_run_lines
     from gpsim.stages.runs import standing_of
 
     standing = standing_of(stage, request)

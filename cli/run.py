@@ -94,7 +94,7 @@ def status_command(*, seeds: Seeds = 1, setup: Setup) -> None:
 
 def show_status(request: Request, seeds: int) -> None:
     """Print how it stands with a loop; nothing is written."""
-    from gpsim.reports.runs_sheets import status_lines
+    from gpsim.reports.runs_text import status_lines
     from gpsim.stages.runs import loop_status
 
     found = loop_status(request, _seeds(request, seeds))

@@ -61,7 +61,7 @@ def list_command(
     """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
     # Imported here: the stages take seconds to load, and `--help` should not wait for them.
     from gpsim.reports.loop_page import terminal_table
-    from gpsim.reports.runs_sheets import listing_lines, listing_sheet
+    from gpsim.reports.runs_text import listing_lines, listing_sheet
     from gpsim.stages.runs import list_runs
 
     found = list_runs(runs_dir, experiment, stage, verify)
@@ -83,7 +83,7 @@ def show_command(
     beside: Beside = None,
 ) -> None:
     """One artifact, every byte verified: what it was made from, what was made of it, its figures."""
-    from gpsim.reports.runs_sheets import shown_lines
+    from gpsim.reports.runs_text import shown_lines
     from gpsim.stages.runs import show_run
 
     found = show_run(runs_dir, name, beside or ())
@@ -94,7 +94,7 @@ def show_command(
 @runs_app.command("diff")
 def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Beside = None) -> None:
     """How two artifacts differ: configuration key by key, files, seeds, parents, code, packages, figures."""
-    from gpsim.reports.runs_sheets import compared_lines
+    from gpsim.reports.runs_text import compared_lines
     from gpsim.stages.runs import compare_runs
 
     found = compare_runs(runs_dir, one, other, beside or ())
@@ -153,7 +153,7 @@ def gc_command(
 
 def _agreed(planned: Removed, yes: bool) -> bool:
     """Print what is to go; whether to go on. Where nobody can be asked, `--yes` has to say so."""
-    from gpsim.reports.runs_sheets import removed_lines, removed_sum
+    from gpsim.reports.runs_text import removed_lines, removed_sum
 
     say_all(removed_lines(planned))
     nothing = not planned.artifacts and not planned.beside

@@ -19,12 +19,7 @@ T = TypeVar("T")
 UNWRITTEN = {"codec": "unwritten"}  # a fact that is kept beside its words and has no key
 OMITTED = {"codec": "omitted"}  # where it is None, its key is left out
 FLAT = {"codec": "flat"}  # a mapping whose keys stand beside those of the class
-SCALARS: Mapping[object, str] = {
-    float: "a number",
-    int: "a whole number",
-    str: "a text",
-    bool: "true or false",
-}
+SCALARS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
 
 
 class _DamagedError(ValueError):

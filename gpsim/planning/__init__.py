@@ -1,24 +1,11 @@
 """Planning: the commands to play next, so that explanations which a recording left open separate, and safely."""
 
-from gpsim.planning.around import Around, Steer
-from gpsim.planning.limits import STATED, Limits, limits_of
-from gpsim.planning.models import Machine
+from gpsim.planning.limits import STATED, Limits, PlanSettings, limits_of
+from gpsim.planning.models import Around, Machine, Steer
 from gpsim.planning.plan import Apart, Piece, Plan, Safety, make_plan
-from gpsim.planning.settings import PlanSettings
 from gpsim.planning.signals import FIXED
 
 __all__ = [
-    "FIXED",
-    "STATED",
-    "Apart",
-    "Around",
-    "Limits",
-    "Machine",
-    "Piece",
-    "Plan",
-    "PlanSettings",
-    "Safety",
-    "Steer",
-    "limits_of",
-    "make_plan",
-]
+    "FIXED", "STATED", "Apart", "Around", "Limits", "Machine", "Piece", "Plan", "PlanSettings", "Safety", "Steer",
+    "limits_of", "make_plan",
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a person states of the machine: limits of commands and their rates, a box for the states, where it rests."""
+"""What a person states: limits of commands and their rates, a box for the states, where it rests, and settings."""
 
 from __future__ import annotations
 
@@ -14,6 +14,45 @@ from gpsim.posterior import Visited
 from gpsim.simulators import Simulator
 
 STATED = ("commands", "rates", "box", "rest", "rest_commands")
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """Weights multiply nats; `probability` and `margin` say what safe means."""
+
+    separation: float = 1.0
+    precision: float = 0.1
+    novelty: float = 0.02
+    enough: float = 10.0
+    visible: float = 2.3
+    piece: float = 8.0
+    settle: float = 3.0
+    returns: float = 0.15
+    margin: float = 0.1
+    probability: float = 0.99
+    draws: int = 6
+    checked: int = 240
+    candidates: int = 40
+    best: int = 6
+    rounds: int = 2
+    slowest: float = 0.1
+    fastest: float = 0.4
+
+    def __post_init__(self) -> None:
+        for name in ("piece", "enough", "visible", "slowest", "fastest", "returns"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be more than 0, got {getattr(self, name):g}")
+        for name in ("separation", "precision", "novelty", "settle"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"{name} must be at least 0, got {getattr(self, name):g}")
+        for name in ("margin", "probability"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise ValueError(f"{name} must be in [0, 1), got {getattr(self, name):g}")
+        for name, least in (("draws", 1), ("checked", 1), ("candidates", 1), ("best", 1), ("rounds", 0)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} must be at least {least}, got {getattr(self, name)}")
+        if self.fastest > 0.5:
+            raise ValueError(f"fastest must be at most 0.5 of the rate of commands, got {self.fastest:g}")
 
 
 @dataclass(frozen=True)
@@ -68,15 +107,11 @@ def limits_of(stated: Mapping[str, Any], simulator: Simulator, visited: Visited)
     rate = _numbers(stated, "rates", action, np.full(len(action), np.inf))
     own = np.array([n in (stated.get("commands") or {}) for n in action.names])
     idle = _numbers(stated, "rest_commands", action, np.where(own, 0.0, np.clip(0.0, low, high)))
-    known = np.isfinite(visited.state_low) & ~np.array(
-        state.wraps
-    )  # an angle goes round, and no edge holds it
-    box_low, box_high = _pairs(
-        stated,
-        "box",
-        state,
-        (np.where(known, visited.state_low, -np.inf), np.where(known, visited.state_high, np.inf)),
-    )
+    # An angle goes round, and no edge holds it.
+    known = np.isfinite(visited.state_low) & ~np.array(state.wraps)
+    edges = ((visited.state_low, -np.inf), (visited.state_high, np.inf))
+    usual = [np.where(known, edge, far) for edge, far in edges]
+    box_low, box_high = _pairs(stated, "box", state, (usual[0], usual[1]))
     speeds = {c.velocity for c in simulator.coordinates}
     guess = np.where(np.isfinite(visited.start), visited.start, 0.0)
     rest = _numbers(stated, "rest", state, np.where([n in speeds for n in state.names], 0.0, guess))
@@ -89,32 +124,27 @@ def limits_of(stated: Mapping[str, Any], simulator: Simulator, visited: Visited)
 
 def _check(limits: Limits, state: Channels, action: Channels) -> None:
     for i, name in enumerate(action.names):
+        where = f"plan.commands.{name}: [{limits.low[i]:g}, {limits.high[i]:g}]"
         if not limits.low[i] < limits.high[i]:
-            raise UsageError(
-                f"plan.commands.{name}: [{limits.low[i]:g}, {limits.high[i]:g}] leaves nothing to play; state a range"
-            )
+            raise UsageError(f"{where} leaves nothing to play; state a range")
         if not limits.low[i] <= limits.idle[i] <= limits.high[i]:
             raise UsageError(
-                f"plan.commands.{name}: [{limits.low[i]:g}, {limits.high[i]:g}] excludes the command at rest, "
-                f"{limits.idle[i]:g}; widen it, or state plan.rest_commands"
+                f"{where} excludes the command at rest, {limits.idle[i]:g}; widen it, or state plan.rest_commands"
             )
         if not limits.rate[i] > 0.0:
             raise UsageError(f"plan.rates.{name}: expected more than 0 per second, got {limits.rate[i]:g}")
-    for i, name in enumerate(state.names):
-        if not limits.box_low[i] < limits.box_high[i]:
-            raise UsageError(
-                f"plan.box.{name}: [{limits.box_low[i]:g}, {limits.box_high[i]:g}] is empty; state a range"
-            )
+    for name, low, high in zip(state.names, limits.box_low, limits.box_high, strict=True):
+        if not low < high:
+            raise UsageError(f"plan.box.{name}: [{low:g}, {high:g}] is empty; state a range")
 
 
 def check_first(limits: Limits, state: Channels, margin: float) -> None:
     """Raise UsageError where the state at rest, in which a plan begins, is out of the box or nearly so."""
     if limits.inside(limits.rest, margin):
         return
+    middle = (limits.box_low + limits.box_high) / 2.0
     for i, name in enumerate(state.names):
-        only = np.where(
-            np.arange(len(limits.rest)) == i, limits.rest, (limits.box_low + limits.box_high) / 2.0
-        )
+        only = np.where(np.arange(len(limits.rest)) == i, limits.rest, middle)
         if not limits.inside(np.where(np.isfinite(only), only, 0.0), margin):
             raise UsageError(
                 f"plan.box.{name}: [{limits.box_low[i]:g}, {limits.box_high[i]:g}] less its margin of {margin:.0%} "

@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import betaincinv
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.planning.fixed import fixed_rates
 from gpsim.planning.information import separations, unvisited
-from gpsim.planning.limits import Limits, check_first
+from gpsim.planning.limits import Limits, PlanSettings, check_first
 from gpsim.planning.models import Machine, drawn_model, model_of
 from gpsim.planning.search import FEWEST, Candidate, Search, Situation, Tried
-from gpsim.planning.sensors import sensors_for
-from gpsim.planning.settings import PlanSettings
-from gpsim.planning.signals import FIXED
+from gpsim.planning.signals import FIXED, usual
 from gpsim.posterior import Explanation, LeftOpen
 
 Note = Callable[[int, int, str], None]
+LEVELS = (
+    1.0,
+    0.7,
+    0.5,
+    0.35,
+    0.25,
+    0.15,
+    0.1,
+    0.05,
+)  # at which a fixed excitation is tried, until it is safe
+SAME = 1e-3  # relative difference of two values that is none
+FORCE = "the force on {on}"
+SENSORS = {
+    "actuator": "what {on} delivers (its force, torque, current or speed)",
+    "sensor": "{on} by a second sensor",
+    "parameter": "{on} itself (weigh it, measure its length)",
+    "vehicle": "the wheels' steering angle and speeds",
+}
 LIKELY = 0.9  # of the stated chance that a draw leaves the box
 
 
@@ -101,30 +117,25 @@ def make_plan(
 
     anew: whoever plays it puts the machine back to rest before each piece, which is then an episode of its own.
     """
-    check_determined(posterior.explanations)
+    for one in posterior.explanations:
+        if (name := one.undetermined) is not None:  # no draw of it means anything
+            raise UsageError(
+                f"the recording says nothing of {name}: its posterior is singular and no motion can be foreseen; "
+                "record more, or fix it (diagnose.known)"
+            )
     check_first(limits, machine.simulator.state, settings.margin)
-    search = search_of(machine, posterior, limits, settings, rng, anew)
+    search = _search_of(machine, posterior, limits, settings, rng, anew)
     _check_rest(search)
     steps = max(int(minutes * 60.0 / machine.dt + 1e-9), len(search.t) + search.settled)
     chosen, at = _pieces(search, search.begin(unvisited(posterior.visited.rows)), steps, note)
     fixed = {}
     for kind in FIXED:
         note(steps, steps, f"comparing with a {kind}")
-        fixed[kind] = fixed_rates(search, kind, sum(tried.commands.shape[1] for _, tried in chosen))
+        fixed[kind] = _fixed_rates(search, kind, sum(tried.commands.shape[1] for _, tried in chosen))
     return _put_together(search, posterior, chosen, at, fixed)
 
 
-def check_determined(explanations: Sequence[Explanation]) -> None:
-    """Raise UsageError where nothing is known of a parameter: no draw of it means anything."""
-    for one in explanations:
-        if (name := one.undetermined) is not None:
-            raise UsageError(
-                f"the recording says nothing of {name}: its posterior is singular and no motion can be foreseen; "
-                "record more, or fix it (diagnose.known)"
-            )
-
-
-def search_of(
+def _search_of(
     machine: Machine,
     posterior: LeftOpen,
     limits: Limits,
@@ -158,21 +169,21 @@ def _check_rest(search: Search) -> None:
     tried = search.tried(search.begin(unvisited(np.zeros((1, 1)))), [nothing])
     if tried.safe[0]:
         return
-    state, limits = search.models[0].machine.simulator.state, search.limits
+    names, limits = search.models[0].machine.simulator.state.names, search.limits
     ends = np.concatenate([t[:, 0, -1] for t in tried.true])
-    far = np.abs(ends - limits.rest).max(axis=0) / np.where(np.isfinite(limits.reach), limits.reach, np.inf)
-    worst = int(np.argmax(far))
-    name, off = state.names[worst], np.abs(ends - limits.rest).max(axis=0)[worst]
+    off = np.abs(ends - limits.rest)
+    reach = np.where(np.isfinite(limits.reach), limits.reach, np.inf)
+    worst = int(np.argmax(off.max(axis=0) / reach))
+    rest, end = limits.rest[worst], ends[np.argmax(off[:, worst]), worst]
     if search.around is not None:
         raise UsageError(
-            f"--policy: under some explanation it leaves the box or does not come back to rest, {name} ends {off:.3g} "
-            "off; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
+            f"--policy: under some explanation it leaves the box or does not come back to rest, {names[worst]} ends "
+            f"{off[:, worst].max():.3g} off; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
         )
     raise UsageError(
-        f"plan.rest: left alone, the machine does not stay at rest: {state.names[worst]} goes from "
-        f"{limits.rest[worst]:.3g} to {ends[np.argmax(np.abs(ends[:, worst] - limits.rest[worst])), worst]:.3g}; state "
-        "plan.rest and plan.rest_commands, widen plan.box, or put it back by hand before each piece: --anew, with a "
-        "short plan.piece"
+        f"plan.rest: left alone, the machine does not stay at rest: {names[worst]} goes from {rest:.3g} to {end:.3g}; "
+        "state plan.rest and plan.rest_commands, widen plan.box, or put it back by hand before each piece: --anew, "
+        "with a short plan.piece"
     )
 
 
@@ -208,20 +219,18 @@ def _put_together(
     dt = search.models[0].machine.dt
     commands = np.concatenate([tried.commands[0] for _, tried in chosen])
     lengths = [tried.commands.shape[1] for _, tried in chosen]
-    ends = np.cumsum(lengths)
+    begins = np.cumsum(lengths) - lengths
     pieces = tuple(
-        Piece(c.kind, round(dt * (end - n), 9), round(dt * n, 9))
-        for (c, _), end, n in zip(chosen, ends, lengths, strict=True)
+        Piece(c.kind, round(dt * begin, 9), round(dt * n, 9))
+        for (c, _), begin, n in zip(chosen, begins, lengths, strict=True)
     )
-    episode = np.zeros(len(commands), dtype=np.int64)
-    if search.anew:
-        episode = np.repeat(np.arange(len(chosen)), lengths)
-    t = dt * (np.arange(len(commands)) - (np.repeat(ends - lengths, lengths) if search.anew else 0.0))
+    episode = np.repeat(np.arange(len(chosen)) * search.anew, lengths)
+    t = dt * (np.arange(len(commands)) - (np.repeat(begins, lengths) if search.anew else 0.0))
     minutes = dt * len(commands) / 60.0
     nats = separations(search.models, at.sums)[0]
     courses = {
         label: np.concatenate([tried.said[k][0, 0, :-1] for _, tried in chosen])
-        for k, label in enumerate(labels(posterior.explanations))
+        for k, label in enumerate(_labels(posterior.explanations))
     }
     pairs = _apart(posterior, nats, fixed, minutes, search.settings.visible)
     safety = _safety(search, chosen)
@@ -229,7 +238,7 @@ def _put_together(
     return Plan(dt, t, commands, episode, pieces, pairs, safety, courses, search.anew, dithers)
 
 
-def labels(explanations: Sequence[Explanation]) -> list[str]:
+def _labels(explanations: Sequence[Explanation]) -> list[str]:
     """What each says beyond what all of them say."""
     shared = (
         frozenset.intersection(*(e.hypothesis.claims for e in explanations)) if len(explanations) > 1 else ()
@@ -244,7 +253,7 @@ def labels(explanations: Sequence[Explanation]) -> list[str]:
 def _apart(
     posterior: LeftOpen, nats: FloatArray, fixed: dict[str, FloatArray], minutes: float, visible: float
 ) -> tuple[Apart, ...]:
-    found, names, out = posterior.explanations, labels(posterior.explanations), []
+    found, names, out = posterior.explanations, _labels(posterior.explanations), []
     recorded = max(posterior.visited.seconds / 60.0, 1e-9)
     order = [(a, b) for a in range(len(found)) for b in range(a + 1, len(found))]
     for i, (a, b) in enumerate(order):
@@ -259,10 +268,44 @@ def _apart(
                 {kind: float(values[i]) for kind, values in fixed.items()},
                 float(odds / recorded),
                 told,
-                () if told else sensors_for(found[a], found[b], posterior.noise),
+                () if told else sensors_for(found[a], found[b]),
             )
         )
     return tuple(out)
+
+
+def sensors_for(one: Explanation, other: Explanation) -> tuple[str, ...]:
+    """What to measure beside the motion where no command tells: each quantity of which the two say something else."""
+    first, second = ({term.identity: term for term in e.hypothesis.terms} for e in (one, other))
+
+    def alike(term: Term, theirs: Term | None) -> bool:
+        if theirs is None:
+            return False
+        values = ((v, theirs.values.get(k, v)) for k, v in term.values.items())
+        return all(abs(v - w) <= SAME * max(abs(v), 1e-12) for v, w in values)
+
+    both = ((first, second), (second, first))
+    differing = [t for mine, others in both for key, t in mine.items() if not alike(t, others.get(key))]
+    return tuple(dict.fromkeys(SENSORS.get(t.effect.site, FORCE).format(on=t.on) for t in differing))
+
+
+def _fixed_rates(search: Search, kind: str, steps: int) -> FloatArray:
+    """(pairs,) nats a minute of a fixed excitation in pieces, about so many steps in all, each as large as is safe."""
+    rng = np.random.default_rng(0)
+    at, blank = search.begin(unvisited(np.zeros((1, 1)))), len(search.t) + search.settled
+    count = max(round(steps / blank), 1)
+    for _ in range(count):
+        drive = np.zeros((blank, len(search.limits.low)))
+        for a in range(drive.shape[1]):
+            drive[: len(search.t), a] = usual(kind, search.t, search.settings.slowest, rng)
+        tried = search.tried(at, [Candidate(kind, level * drive) for level in (*LEVELS, 0.0)])
+        safe = np.flatnonzero(tried.safe)
+        best = int(safe[0]) if safe.size else len(LEVELS)
+        sums = at.sums.plus(tried.sums.only(best))
+        starts = at.starts if search.anew else tuple(t[:, best, -1] for t in tried.true)
+        at = replace(at, starts=starts, sums=sums)
+    minutes = count * blank * search.models[0].machine.dt / 60.0
+    return np.asarray(separations(search.models, at.sums)[0] / minutes)
 
 
 def _safety(search: Search, chosen: Sequence[tuple[Candidate, Tried]]) -> Safety:
@@ -270,11 +313,8 @@ def _safety(search: Search, chosen: Sequence[tuple[Candidate, Tried]]) -> Safety
     left = draws = 0
     limits, settings = search.limits, search.settings
     for model in search.checkers:
-        state, out, time = (
-            np.tile(limits.rest, (len(model.thetas), 1)),
-            np.zeros(len(model.thetas), dtype=bool),
-            0.0,
-        )
+        count, time = len(model.thetas), 0.0
+        state, out = np.tile(limits.rest, (count, 1)), np.zeros(count, dtype=bool)
         for _, tried in chosen:
             true = model.said(state, tried.commands, limits.idle, time)[1][:, 0]
             out |= ~limits.inside(true, settings.margin).all(axis=1)
@@ -282,10 +322,7 @@ def _safety(search: Search, chosen: Sequence[tuple[Candidate, Tried]]) -> Safety
                 out |= ~limits.back(true[:, -1], settings.returns)
                 state = true[:, -1]
             time += model.machine.dt * tried.commands.shape[1]
-        left, draws = left + int(out.sum()), draws + len(out)
-    return Safety(draws, left, _at_most(left, draws), settings.margin)
-
-
-def _at_most(left: int, draws: int) -> float:
-    """The one-sided upper end of the 90 % interval of a share (Clopper and Pearson 1934)."""
-    return 1.0 if left >= draws else float(betaincinv(left + 1, draws - left, LIKELY))
+        left, draws = left + int(out.sum()), draws + count
+    # The one-sided upper end of the 90 % interval of a share (Clopper and Pearson 1934).
+    most = 1.0 if left >= draws else float(betaincinv(left + 1, draws - left, LIKELY))
+    return Safety(draws, left, most, settings.margin)

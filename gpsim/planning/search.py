@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.planning.around import Around
 from gpsim.planning.information import (
     POINTS,
     Sums,
@@ -18,9 +17,8 @@ from gpsim.planning.information import (
     separations,
     summed,
 )
-from gpsim.planning.limits import Limits
-from gpsim.planning.models import Model
-from gpsim.planning.settings import PlanSettings
+from gpsim.planning.limits import Limits, PlanSettings
+from gpsim.planning.models import Around, Model
 from gpsim.planning.signals import FIXED, SHAPES, multisine, there_and_back, usual
 
 SHORTER = (1.0, 0.5, 0.25)  # times the longest piece, that one may be driven
@@ -98,11 +96,11 @@ class Search:
         return Situation(*self._rested(), 0.0, nothing_played(self.models), unvisited)
 
     def _rested(self) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-        rest = self.limits.rest
-        return (
-            tuple(np.tile(rest, (len(m.thetas), 1)) for m in self.models),
-            tuple(np.tile(rest, (len(m.thetas), 1)) for m in self.checkers),
-        )
+        at_rest = [
+            tuple(np.tile(self.limits.rest, (len(m.thetas), 1)) for m in models)
+            for models in (self.models, self.checkers)
+        ]
+        return at_rest[0], at_rest[1]
 
     def next(self, at: Situation, steps: int) -> tuple[Candidate, Tried, Situation] | None:
         """The safe piece of at most so many steps that teaches most a minute, and where it leads; None if none is."""

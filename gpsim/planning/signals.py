@@ -137,5 +137,6 @@ def _unit(course: FloatArray) -> FloatArray:
 
 
 def _tapered(t: FloatArray) -> FloatArray:
+    """(L,) how large a wave is: it grows and fades."""
     share = t / max(float(t[-1]), 1e-9)
     return np.asarray(np.clip(np.minimum(share, 1.0 - share) / TAPER, 0.0, 1.0))

@@ -5,21 +5,71 @@ Verdict, where, what, left, fit, next, in this order. Nats, p-values and interva
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.findings import EndErrors, Estimate, NamedEffect, OneRecording, RolloutErrors, Share
-from gpsim.reports.account_effects import Row, curve_rows, effect_name, rows_of, slight_text, told_effects
-from gpsim.reports.account_sentences import command, following, left, rivals, verdict_sentence
-from gpsim.reports.diagnosis_text import where
-from gpsim.reports.geometry_text import geometry_lines
-from gpsim.reports.quantities import brief, in_percent, percent, share_text, shortened, size_text
-from gpsim.reports.sheets import MISSING, Cell, Sheet, row, unit, with_unit
+from gpsim.diagnosis.settings import VerdictSettings
+from gpsim.findings import (
+    Claims,
+    EndErrors,
+    Estimate,
+    JudgedOn,
+    Leads,
+    NamedEffect,
+    OneRecording,
+    RolloutErrors,
+    Share,
+    sized,
+)
+from gpsim.mjcf import is_mujoco
+from gpsim.reports.account_effects import (
+    Row,
+    beyond,
+    claim_name,
+    curve_rows,
+    effect_name,
+    rows_of,
+    slight_text,
+    told_effects,
+)
+from gpsim.reports.diagnosis_text import combination_texts, geometry_lines, listed, parameters_of, where
+from gpsim.reports.quantities import (
+    brief,
+    certainty_text,
+    in_percent,
+    is_open,
+    percent,
+    share_text,
+    shortened,
+    size_text,
+    spelled,
+)
+from gpsim.reports.sheets import MISSING, Cell, Sheet, row, sheet, unit, with_unit
 from gpsim.reports.wording import worded
+from gpsim.simulators import lives_here
 
 HERE = "DIR"
 """What stands for the diagnosis's folder, where that is not known."""
+JUDGED: Mapping[JudgedOn, str] = {
+    "held-out rollouts": "",
+    "cross-fitted rollouts": " (cross-fitted: too little is held out)",
+    "fit windows": " (on its own training data: held-out rollouts show no mismatch)",
+}
+"""What a share is of, where that is not what anybody would expect."""
+LEADS: Mapping[Leads, str] = {
+    "likeliest": "the table shows the likeliest",
+    "simplest": "the table shows the simplest of those within odds of 10 to 1",
+}
+TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
+"""Simulators in which gpsim trains policies, and which experiment does."""
+POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
+MOST_FACTS = 3  # of the log, and of parameters that only act together: further ones are in diagnosis.json
+VAGUE = 0.25  # half an interval over its value: a size that is known less well is worth another recording
+MOST_RIVALS = 2  # that are told, the likeliest; further ones are in diagnosis.json
+MOST = 4  # recordings of which each is told in a line
 
 
 @dataclass(frozen=True)
@@ -53,21 +103,6 @@ class Fit:
     title: str
     changes: tuple[Change, ...]
     missing: str = ""
-
-    @property
-    def corrected(self) -> bool:
-        """Whether there is anything after."""
-        return any(change.after is not None for change in self.changes)
-
-    @property
-    def boxed(self) -> bool:
-        """Whether a black box would reach more in any."""
-        return any(change.black_box is not None for change in self.changes)
-
-    @property
-    def noisy(self) -> bool:
-        """Whether the noise is known of any."""
-        return any(change.noise is not None for change in self.changes)
 
 
 @dataclass(frozen=True)
@@ -103,42 +138,196 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
     headline, slight = told_effects(told)
     return Account(
         verdict=told.verdict,
-        sentence=verdict_sentence(told, headline),
+        sentence=_verdict_sentence(told, headline),
         where=where(told),
         rows=tuple(rows_of(headline, told)),
         slight=slight_text(slight),
-        rivals=(*curve_rows((*headline, *slight)), *rivals(told)),
+        rivals=(*curve_rows((*headline, *slight)), *_rivals(told)),
         differs=tuple(differences(told)),
-        left=tuple(left(told)),
+        left=tuple(_left(told)),
         fit=_fit(told),
-        next=tuple(following(told, headline)),
-        command=command(told, folder, simulator),
-        command_here=command(told, HERE, simulator),
+        next=(_next(told, headline),),
+        command=_command(told, folder, simulator),
+        command_here=_command(told, HERE, simulator),
         geometry=tuple(geometry_lines(told.kinematics)),
     )
 
 
+def _verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """What follows the verdict's name."""
+    verdict, found = diagnosis.verdict, diagnosis.explained
+    if verdict == "none" and diagnosis.remainder.structured:
+        return (
+            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
+        )
+    if verdict == "none":
+        return (
+            "nothing is missing that this recording could show: simulator and recording differ by noise only."
+        )
+    if verdict == "unknown":
+        if found.rollout is None or not found.rollout.share > 0.0:
+            return "something is missing, and no effect of the catalogue explains it on held-out data."
+        said = share_text(found.rollout)
+        return f"something is missing; the best explanation covers {said} of it, too little to name it."
+    alone = len(headline) == 1 == len(diagnosis.effects)  # slight effects explain some of it, too
+    said = f"{effect_name(headline[0])} explains" if alone else "the effects below explain"
+    if found.rollout is None:  # of an earlier version, or there was nothing to compare
+        said += " the mismatch"
+    else:
+        said += f" {share_text(found.rollout)} of the mismatch{JUDGED[found.judged_on]}"
+    if verdict == "named" and diagnosis.alternatives:
+        return f"{said}; other explanations that fit as well differ in small corrections only."
+    if verdict == "named":
+        return f"{said}; no other explanation does as well."
+    if verdict == "ambiguous":
+        return f"{said}, but these data cannot tell it apart from {_others(diagnosis, headline)}."
+    return f"{said}{_but(diagnosis, headline)}."
+
+
+def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """What keeps a partial account from being named, the weightiest of it; files of earlier versions do not say."""
+    doubts = diagnosis.doubts
+    measured = [effect_name(effect) for effect in headline if effect.curve is not None]
+    bent = [effect_name(e) for e in headline if e.form == "approximate" and e.curve is None]
+    share = diagnosis.explained.rollout  # much is left: the verdict would be `partial` if all laws held
+    much = share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
+    if "left" in doubts or much or not (bent or measured or doubts):
+        return "; the rest is unexplained: the corrected simulator helps, but is not complete"
+    strange = [effect_name(e) for e in headline if e.implausible]
+    if "implausible" in doubts and strange:
+        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
+    if bent:
+        law = f"the law of {bent[0]} holds" if len(bent) == 1 else f"{len(bent)} of the laws hold"
+        return f", but {law} only approximately: trust its curve in the report more than its size"
+    if measured:
+        them = "it is a curve" if len(headline) == 1 else f"{listed(measured)} is a curve"
+        return f"; {them} that no law of the catalogue follows"
+    if "black box" in doubts:
+        return ", but a black-box model predicts much better: some physics is still missing"
+    if "no claim" in doubts:
+        return ", but each of them could be replaced by another effect"
+    vague = [effect_name(e) for e in headline if _held(e) or not sized(e.family, e.parameters)]
+    return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
+
+
+def _held(effect: NamedEffect) -> bool:
+    return any(size.at_bound for size in effect.parameters.values())
+
+
+def _others(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """How many alternatives; where there is none, the best explanation without the claim whose odds are lowest."""
+    count = len(diagnosis.alternatives)
+    odds = [(e.odds.nats, e.odds) for e in headline if e.odds is not None and e.odds.nats is not None]
+    if count or not odds:
+        return "another explanation" if count < 2 else f"{count} other explanations"
+    lowest = min(odds, key=lambda pair: pair[0])[1]
+    told = listed([claim_name(*claim) for claim in lowest.against]) or "nothing at all"
+    return told if is_open(lowest) else f"{told} (odds of {certainty_text(lowest)})"
+
+
+def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
+    """Nothing where one explanation stands alone, or all others claim the same."""
+    if diagnosis.verdict == "named" or not diagnosis.alternatives or not any(told_effects(diagnosis)):
+        return
+
+    def claims_of(effects: Sequence[NamedEffect]) -> Claims:
+        return tuple((effect.family, effect.place) for effect in effects)
+
+    def said(claims: Sequence[tuple[str, str]]) -> str:
+        return listed([claim_name(family, place) for family, place in claims]) or "nothing more"
+
+    every = [claims_of(diagnosis.effects), *(claims_of(rival.effects) for rival in diagnosis.alternatives)]
+    certain = [claim for claim in every[0] if all(claim in claims for claims in every)]
+    chances = [diagnosis.effects[0].probability, *(rival.probability for rival in diagnosis.alternatives)]
+    open_ = [
+        f"{said([claim for claim in claims if claim not in certain])} ({percent(p)} %)"
+        for claims, p in zip(every, chances, strict=True)
+    ]
+    claimed = claims_of([effect for effect in diagnosis.effects if effect.role == "headline"])
+    shared = [claim for claim in certain if claim in claimed]  # what is slight is no claim, whoever shares it
+    if shared:
+        yield f"in every explanation: {said(shared)}"
+    first, further = open_[: 1 + MOST_RIVALS], len(open_) - 1 - MOST_RIVALS
+    more = f" or {further} more in diagnosis.json" if further > 0 else ""
+    yield f"either {' or '.join(first)}{more}; {LEADS[diagnosis.leads]}"
+
+
+def _left(diagnosis: Diagnosis) -> Iterator[str]:
+    """What is left, the sentence that matters most first."""
+    told = diagnosis.verdict not in ("unknown", "none")
+    yield _amount(diagnosis)
+    if "black box" in diagnosis.doubts and (box := diagnosis.fit.black_box) is not None:
+        names = {"gp": "a Gaussian process alone", "curve": f"a free curve of {box.of}"}
+        text = names.get(box.model, "a Gaussian process on top of them")
+        text += f" removes {share_text(box.takes_off)} of the remaining held-out error"
+        inputs = listed([spelled(name) for name in box.depends_on])
+        yield f"{text}; it uses {inputs}" if inputs else text
+    if told:
+        yield from (effect.implausible for effect in diagnosis.effects if effect.implausible)
+    if diagnosis.log_facts:
+        yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
+    yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
+    steps = diagnosis.explained.one_step.items()
+    poor = [f"{percent(found.share)} % of {spelled(rate)}" for rate, found in steps if found.share < POOR]
+    if poor and told:
+        yield f"one step ahead only {listed(poor)} is explained"
+    if _learnt(diagnosis) and diagnosis.verdict != "none":
+        use = "simulate with it for smaller errors" if told else "the errors after include it"
+        yield f"a Gaussian process has learned it: {use}"
+
+
+def _learnt(diagnosis: Diagnosis) -> bool:
+    return diagnosis.remainder.gp is not None and diagnosis.remainder.gp.used
+
+
+def left_share(diagnosis: Diagnosis) -> float | None:
+    """Of the mismatch what is left; None of an earlier version."""
+    found = diagnosis.explained.rollout
+    given = diagnosis.remainder.share
+    return given if given is not None else None if found is None else max(0.0, 1.0 - found.share)
+
+
+def _amount(diagnosis: Diagnosis) -> str:
+    share, remainder = left_share(diagnosis), diagnosis.remainder
+    amount = "something" if share is None else f"{percent(share)} % of the mismatch"
+    if not remainder.structured:
+        nothing = diagnosis.verdict == "none" or share is None
+        return "nothing but noise" if nothing else f"{amount}, no more than noise would leave"
+    text = "something that is not noise" if share is None else f"{amount} is unexplained"
+    if remainder.rate:
+        text += f"{', most of it' if share is not None else ''} in {spelled(remainder.rate)}"
+    if remainder.depends_on:
+        text += f"; it changes with {listed([spelled(name) for name in remainder.depends_on])}"
+    return text
+
+
 def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
     steps, rollout = diagnosis.fit.one_step, diagnosis.fit.rollout
-    gp = diagnosis.remainder.gp
     corrected = diagnosis.verdict != "none" and bool(told_effects(diagnosis)[0])
-    learnt = diagnosis.verdict == "unknown" and gp is not None and gp.used
+    learnt = diagnosis.verdict == "unknown" and _learnt(diagnosis)
 
     def after(effects: float, process: float) -> str | None:
         return brief(process) if learnt else brief(effects) if corrected else None
 
+    def reached(errors: RolloutErrors) -> str | None:
+        """What a black box would reach, where that is better than the account in this channel and over all."""
+        box, value = diagnosis.fit.black_box, errors.black_box
+        if not corrected or box is None or value is None or not box.takes_off.share > 0.0:
+            return None
+        return brief(value) if value < errors.after and brief(value) != brief(errors.after) else None
+
     ahead = tuple(
-        Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), _noise(e.noise_floor))
-        for name, e in steps.items()
-    )
-    runs = tuple(
         Change(
             name,
             brief(e.before),
             after(e.after, e.after_gp),
             unit(e.unit),
-            black_box=_reached(diagnosis, e) if corrected else None,
+            brief(e.noise_floor) if e.noise_floor > 0.0 else None,
         )
+        for name, e in steps.items()
+    )
+    runs = tuple(
+        Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), black_box=reached(e))
         for name, e in rollout.channels.items()
     )
     return (
@@ -147,20 +336,74 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
     )
 
 
-def _reached(diagnosis: Diagnosis, errors: RolloutErrors) -> str | None:
-    """What a black box would reach, where that is better than the account in this channel and over all."""
-    box, reached = diagnosis.fit.black_box, errors.black_box
-    if box is None or reached is None or not box.takes_off.share > 0.0 or not reached < errors.after:
+def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """The advice that would help most, first what only another recording can decide."""
+    if diagnosis.verdict == "none":
+        return "train in the simulator as it is: it needs no correction"
+    held = [effect_name(e) for e in headline if _held(e)]
+    named, structured = diagnosis.verdict == "named", diagnosis.remainder.structured
+    if diagnosis.tell_apart and diagnosis.alternatives and not named:
+        return diagnosis.tell_apart
+    measured = [e.curve for e in headline if e.curve is not None]
+    if measured and not structured:
+        return beyond(measured[0])
+    if not named and (structured or diagnosis.verdict in ("unknown", "partial")):
+        return _where_it_moves(diagnosis)
+    if diagnosis.combinations:
+        of = parameters_of(diagnosis.combinations[0])
+        return f"measure {of} on its own: motion alone fixes only a combination"
+    if held:
+        return f"record more of what {held[0]} does: its size is at the limit of the search"
+    vague = max(headline, key=_vagueness, default=None)
+    if vague is not None and _vagueness(vague) > VAGUE:
+        return f"record more of what {effect_name(vague)} does: its size is known least well"
+    return "use it: no further recording would change this account"
+
+
+def _where_it_moves(diagnosis: Diagnosis) -> str:
+    """A recording that shows more of what is left: where what it depends on moves."""
+    inputs = diagnosis.remainder.depends_on
+    if inputs:
+        names = listed(list(map(spelled, inputs)))
+        its, it = ("its", "it") if len(inputs) == 1 else ("their", "them")
+        return (
+            f"record {names} over {its} whole range, in one slow sweep and one fast sweep: what is missing changes "
+            f"with {it}"
+        )
+    if diagnosis.explained.judged_on != "held-out rollouts":
+        return "record for longer: there was too little held-out data to judge what is left"
+    return "record slow and fast sweeps of every command: no measured channel predicts what is left"
+
+
+def _vagueness(effect: NamedEffect) -> float:
+    """Half the interval's width over the value, the largest of its sizes."""
+
+    def relative(size: Estimate) -> float:
+        if size.low is None or size.high is None or not math.isfinite(size.value):
+            return math.inf
+        width = abs(size.high - size.low) / 2
+        return width / abs(size.value) if size.value else math.inf if width else 0.0
+
+    return max(map(relative, effect.parameters.values()), default=0.0)
+
+
+def _command(diagnosis: Diagnosis, folder: str, simulator: str | None) -> str | None:
+    """How to train in the corrected simulator; None where nothing corrects it.
+
+    simulator: the base's name, None where nobody knows it. gpsim has policies for two; a MuJoCo model is written out
+    again with its effects; of all others Python reads it.
+    """
+    learnt, effects = _learnt(diagnosis), any(told_effects(diagnosis))
+    if diagnosis.verdict == "none" or not (learnt or effects):
         return None
-    return brief(reached) if brief(reached) != brief(errors.after) else None
-
-
-def _noise(floor: float) -> str | None:
-    return brief(floor) if floor > 0.0 else None
-
-
-MOST = 4  # recordings of which each is told in a line
-TITLE = "Recordings"
+    if simulator is not None and effects and is_mujoco(simulator):
+        return f"gpsim export model {shlex.quote(folder)} --out robot_corrected.xml"
+    if simulator is not None and simulator not in TRAINED:
+        base = ", simulator" if lives_here(simulator) else ""
+        return f"python: gpsim.Diagnosis.load({folder!r}{base}).corrected({'gp=True' if learnt else ''})"
+    given = shlex.quote(f"diagnosis={folder}")
+    more = " correction=effects+gp" if learnt else ""
+    return f"gpsim train-gp-policy {TRAINED.get(simulator or '', '')}{given}{more}"
 
 
 def differences(diagnosis: Diagnosis) -> list[str]:
@@ -170,20 +413,16 @@ def differences(diagnosis: Diagnosis) -> list[str]:
         return []
     names = [recording.name for recording in recordings]
     told = [_difference(effect, names) for effect in diagnosis.effects if effect.own]
-    return [*(told or ["nothing that was looked for: one account serves all recordings"]), *_each(recordings)]
+    told = told or ["nothing that was looked for: one account serves all recordings"]
+    if len(recordings) > MOST:
+        return [*told, "how much of each recording is explained: a column each in report.html"]
 
+    def share(part: Share | None) -> str:
+        return "nothing to explain" if part is None else f"{percent(part.share)} %"
 
-def recordings_sheet(diagnosis: Diagnosis) -> Sheet:
-    """A column a recording; no rows where there is one alone."""
-    recordings = diagnosis.recordings or ()
-    rows = list(_rows(diagnosis, recordings)) if recordings else []
-    note = "Errors: root mean square at the end of rollouts, of the base → with the account."
-    if any(recording.from_others is not None for recording in recordings):
-        note += (
-            " From the others: the account with what all other recordings say, on the whole of this one; what its own "
-            "sensors add stays its own."
-        )
-    return Sheet(TITLE, ("", *(recording.name for recording in recordings)), tuple(rows), 1, note)
+    each = ", ".join(f"{shortened(r.name)} {share(r.explained)}" for r in recordings)
+    learnt = ", ".join(share(r.from_others.explained) for r in recordings if r.from_others is not None)
+    return [*told, f"explained of {each}" + (f"; from the others {learnt}" if learnt else "")]
 
 
 def _difference(effect: NamedEffect, names: Sequence[str]) -> str:
@@ -192,8 +431,7 @@ def _difference(effect: NamedEffect, names: Sequence[str]) -> str:
         f"{f'{name} ' if len(effect.parameters) > 1 else ''}{_sizes(effect, name, names)}"
         for name in effect.parameters
     ]
-    changed = _change(effect, names)
-    return f"{effect_name(effect)} {changed or 'differs'}: {'; '.join(parts)}"
+    return f"{effect_name(effect)} {_change(effect, names) or 'differs'}: {'; '.join(parts)}"
 
 
 def _sizes(effect: NamedEffect, parameter: str, names: Sequence[str]) -> str:
@@ -231,45 +469,40 @@ def _change(effect: NamedEffect, names: Sequence[str]) -> str:
     first, last = (value_in(effect, parameter, name) for name in names)
     if first is None or last is None or not (first.value > 0.0 and last.value > 0.0):
         return ""
-    if not _apart(first, last):  # by how much, nobody knows
-        return ""
+    known = [(e.low, e.high) for e in (first, last) if not (e.at_bound or e.low is None or e.high is None)]
+    if len(known) < 2 or not (known[0][1] < known[1][0] or known[1][1] < known[0][0]):
+        return ""  # where the intervals overlap, nobody knows by how much
     ratio = last.value / first.value
     verb = "grew" if ratio > 1.0 else "fell"
     return f"{verb} by {in_percent(abs(ratio - 1.0))} % from {shortened(names[0])} to {shortened(names[1])}"
 
 
-def _apart(one: Estimate, other: Estimate) -> bool:
-    """Whether two 90 % intervals do not overlap; what was not measured lies nowhere."""
-    ends = [(e.low, e.high) for e in (one, other) if not e.at_bound]
-    known = [(low, high) for low, high in ends if low is not None and high is not None]
-    return len(known) == 2 and (known[0][1] < known[1][0] or known[1][1] < known[0][0])
-
-
-def _each(recordings: Sequence[OneRecording]) -> Iterator[str]:
-    """How much of each recording's mismatch the account explains, also when it was learnt from the others."""
-    if len(recordings) > MOST:
-        yield "how much of each recording is explained: a column each in report.html"
-        return
-    told = ", ".join(f"{shortened(r.name)} {_percent(r.explained)}" for r in recordings)
-    learnt = [_percent(r.from_others.explained) for r in recordings if r.from_others is not None]
-    yield f"explained of {told}" + (f"; from the others {', '.join(learnt)}" if learnt else "")
-
-
-def _percent(share: Share | None) -> str:
-    return "nothing to explain" if share is None else f"{percent(share.share)} %"
-
-
-def _share(share: Share | None) -> str:
-    return "nothing to explain" if share is None else share_text(share)
+def recordings_sheet(diagnosis: Diagnosis) -> Sheet:
+    """A column a recording; no rows where there is one alone."""
+    recordings = diagnosis.recordings or ()
+    note = "Errors: root mean square at the end of rollouts, of the base → with the account."
+    if any(recording.from_others is not None for recording in recordings):
+        note += (
+            " From the others: the account with what all other recordings say, on the whole of this one; what its own "
+            "sensors add stays its own."
+        )
+    heads = ("", *(recording.name for recording in recordings))
+    return sheet("Recordings", heads, _rows(diagnosis, recordings) if recordings else (), note=note)
 
 
 def _rows(diagnosis: Diagnosis, recordings: Sequence[OneRecording]) -> Iterator[tuple[Cell, ...]]:
+    def share(part: Share | None) -> str:
+        return "nothing to explain" if part is None else share_text(part)
+
+    def ends(errors: EndErrors | None) -> str:
+        return MISSING if errors is None else f"{brief(errors.before)} → {brief(errors.after)}"
+
+    others = [r.from_others for r in recordings]
     yield row("transitions", *(str(r.transitions) for r in recordings))
-    yield row("held out", *(_episodes(r) for r in recordings))
-    yield row("explained", *(_share(r.explained) for r in recordings))
-    if any(r.from_others is not None for r in recordings):
-        shares = (_share(r.from_others.explained) if r.from_others else MISSING for r in recordings)
-        yield row("explained, from the others", *shares)
+    yield row("held out", *map(_episodes, recordings))
+    yield row("explained", *(share(r.explained) for r in recordings))
+    if any(o is not None for o in others):
+        yield row("explained, from the others", *(share(o.explained) if o else MISSING for o in others))
     for effect in diagnosis.effects:
         for name in effect.parameters if effect.own else ():
             label = f"{effect_name(effect)}, {name.replace('_', ' ')}"
@@ -277,12 +510,10 @@ def _rows(diagnosis: Diagnosis, recordings: Sequence[OneRecording]) -> Iterator[
     after = f"after {diagnosis.fit.rollout.horizon_s:.3g} s"
     units = {name: e.unit for r in recordings for name, e in r.rollout.items()}
     for channel in units:
-        yield row(
-            f"{with_unit(channel, units)} {after}", *(_errors(r.rollout.get(channel)) for r in recordings)
-        )
-    for channel in units if any(r.from_others and r.from_others.rollout for r in recordings) else ():
-        ends = (r.from_others.rollout.get(channel) if r.from_others else None for r in recordings)
-        yield row(f"{with_unit(channel, units)}, from the others", *map(_errors, ends))
+        yield row(f"{with_unit(channel, units)} {after}", *(ends(r.rollout.get(channel)) for r in recordings))
+    for channel in units if any(o and o.rollout for o in others) else ():
+        label = f"{with_unit(channel, units)}, from the others"
+        yield row(label, *(ends(o.rollout.get(channel) if o else None) for o in others))
 
 
 def _episodes(recording: OneRecording) -> str:
@@ -290,7 +521,3 @@ def _episodes(recording: OneRecording) -> str:
     names = [name.removeprefix(f"{recording.name}/") for name in recording.held_out]
     shown = ", ".join(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
     return f"episode {shown}" if shown else "nothing"
-
-
-def _errors(errors: EndErrors | None) -> str:
-    return MISSING if errors is None else f"{brief(errors.before)} → {brief(errors.after)}"

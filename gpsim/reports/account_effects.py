@@ -18,10 +18,9 @@ SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
 MANY_JOINTS = 3  # with the same effect, which are told as one group
 LARGE = 0.1  # of the mismatch: what is no claim and yet as much has others in its place
 LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "roughly", "untested": "not tested"}
-
-
-MEASURED = "measured"
-"""Of a curve, which is no law of the catalogue."""
+MEASURED = "measured"  # of a curve, which is no law of the catalogue
+TRIFLE = 0.005  # of the mismatch: a slight curve that is less of it is named among the small corrections only
+LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none
 
 
 @dataclass(frozen=True)
@@ -53,15 +52,8 @@ def told_effects(diagnosis: Diagnosis) -> tuple[list[NamedEffect], list[NamedEff
     if diagnosis.verdict in ("unknown", "none"):
         return [], []
     ordered = sorted(diagnosis.effects, key=_weight, reverse=True)
-    return (
-        [effect for effect in ordered if effect.role == "headline"],
-        [effect for effect in ordered if effect.role == "slight"],
-    )
-
-
-def extent(curve: MeasuredCurve) -> str:
-    """From where to where it goes, for a table: `-2.9 to 3.1 N`."""
-    return f"{min(curve.values):.3g} to {max(curve.values):.3g} {curve.unit}"
+    headline, slight = ([e for e in ordered if e.role == role] for role in ("headline", "slight"))
+    return headline, slight
 
 
 def effect_name(effect: NamedEffect) -> str:
@@ -80,7 +72,7 @@ def rows_of(headline: Sequence[NamedEffect], diagnosis: Diagnosis) -> list[Row]:
     for effect in headline:
         group = [e for e in headline if e.family == effect.family and _may_be_grouped(e)]
         if not _may_be_grouped(effect) or len(group) < MANY_JOINTS:
-            out.append(row_of(effect, diagnosis))
+            out.append(_row_of(effect, diagnosis))
         elif effect.family not in grouped:
             grouped.add(effect.family)
             out.append(_group_of(group))
@@ -105,9 +97,8 @@ def _group_of(group: Sequence[NamedEffect]) -> Row:
     forms = {e.form for e in group}
     form: Form = next((f for f in ("approximate", "untested") if f in forms), "holds")
     weakest = min(group, key=lambda e: math.inf if e.odds is None or e.odds.nats is None else e.odds.nats)
-    name = (
-        f"{noun(group[0].family)} on {len(group)} {'actuators' if group[0].site == 'actuator' else 'joints'}"
-    )
+    on = "actuators" if group[0].site == "actuator" else "joints"
+    name = f"{noun(group[0].family)} on {len(group)} {on}"
     members = sorted((e.place, _sizes(e)[0][1]) for e in group)
     alike = len({size for _, size in members}) == 1
     return Row(
@@ -131,22 +122,24 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
-def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
-    """An effect's row."""
-    part = effect.importance
+def _row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
+    part, curve = effect.importance, effect.curve
     share = None if part is None or not math.isfinite(part.share) else part.share
+    interval = ""
+    if part is not None and part.low is not None and part.high is not None:
+        interval = f"{percent(part.low)} to {percent(part.high)} %"
     alone = len(diagnosis.effects) == 1  # then the account says above where it acts
     return Row(
         effect=effect_name(effect),
         whole=f"{noun(effect.family)} on {effect.place}",
         gate="" if alone else gate_text(effect, diagnosis.dt),
-        sizes=_sizes(effect) if effect.curve is None else (("", extent(effect.curve)),),
+        sizes=_sizes(effect),
         share=share,
         percent=MISSING if share is None else f"{percent(share)} %",
-        interval=_interval(effect),
+        interval=interval,
         certainty=certainty_text(effect.odds),
         instead=_instead(effect),
-        law=LAW[effect.form] if effect.curve is None else MEASURED,
+        law=LAW[effect.form] if curve is None else MEASURED,
         approximate=effect.form == "approximate",
     )
 
@@ -164,25 +157,21 @@ def slight_text(effects: Sequence[NamedEffect]) -> str:
 
     One that makes much of the mismatch is not small: others do as well in its place.
     """
-    if not effects:
-        return ""
+    told = []
+    for effect in effects:
+        numbers = [f"{name} {size}".strip() for name, size in _sizes(effect)[:1]]
+        if effect.importance is not None:
+            numbers.append(f"{percent(effect.importance.share)} %")
+        told.append(f"{effect_name(effect)} ({', '.join(numbers)})" if numbers else effect_name(effect))
     small = all(_weight(effect) < LARGE for effect in effects)
-    head = (
-        "small corrections, not claims" if small else "not claims, because other effects could replace them"
-    )
-    return f"{head}: {'; '.join(_slight(effect) for effect in effects)}"
-
-
-def _slight(effect: NamedEffect) -> str:
-    sizes = _sizes(effect)[:1] if effect.curve is None else (("", extent(effect.curve)),)
-    numbers = [f"{name} {size}".strip() for name, size in sizes]
-    if effect.importance is not None:
-        numbers.append(f"{percent(effect.importance.share)} %")
-    return f"{effect_name(effect)} ({', '.join(numbers)})" if numbers else effect_name(effect)
+    why = "not claims, because other effects could replace them"
+    return f"{'small corrections, not claims' if small else why}: {'; '.join(told)}" if told else ""
 
 
 def _sizes(effect: NamedEffect) -> tuple[tuple[str, str], ...]:
-    """A size a parameter, by its name where there are several."""
+    """A size a parameter, by its name where there are several; of a curve from where to where it goes."""
+    if (curve := effect.curve) is not None:
+        return (("", f"{min(curve.values):.3g} to {max(curve.values):.3g} {curve.unit}"),)
     several = len(effect.parameters) > 1
     return tuple(
         (SIGNED.get(name, name.replace("_", " ")) if several else "", size_text(name, p))
@@ -190,52 +179,46 @@ def _sizes(effect: NamedEffect) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _interval(effect: NamedEffect) -> str:
-    part = effect.importance
-    if part is None or part.low is None or part.high is None:
-        return ""
-    return f"{percent(part.low)} to {percent(part.high)} %"
-
-
 def _weight(effect: NamedEffect) -> float:
-    part = effect.importance
-    share = effect.explains if part is None else part.share
+    share = effect.explains if effect.importance is None else effect.importance.share
     return share if math.isfinite(share) else -math.inf
 
 
-TRIFLE = 0.005  # of the mismatch: a slight curve that is less of it is named among the small corrections only
-LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none
-
-
 def curve_sentence(effect: NamedEffect) -> str:
-    """No law of the catalogue, and what the curve does."""
+    """No law of the catalogue, and what the curve does: `it goes from 2.2 N at q_dot = -0.64 m/s to -2.9 at 0.5`."""
     curve = effect.curve
     assert curve is not None
     where = "" if effect.recordings is None else f" in {', '.join(effect.recordings)}"
     head = f"no catalogue law for {shortened(curve.quantity)} over {shortened(curve.input)}"
-    return f"{head}; {course(curve)}{where}"
-
-
-def curve_rows(effects: tuple[NamedEffect, ...]) -> Iterator[str]:
-    """The same of every measured curve of an account that is worth a line."""
-    for effect in effects:
-        little = (
-            effect.role == "slight" and effect.importance is not None and effect.importance.share < TRIFLE
+    if len(curve.values) != len(curve.at):  # a map, in files of earlier versions
+        return (
+            f"{head}; it lies between {min(curve.values):.3g} and {max(curve.values):.3g} {curve.unit}{where}"
         )
+    first, *between, last = [(curve.at[i], curve.values[i]) for i in _turns(curve.values)]
+    over = " and ".join(f"{y:.3g} at {x:.3g}" for x, y in between[:2])
+    start = f"{first[1]:.3g} {curve.unit} at {shortened(curve.input)} = {first[0]:.3g} {curve.input_unit}"
+    ends = f"{f' over {over}' if over else ''} to {last[1]:.3g} at {last[0]:.3g}"
+    return f"{head}; it goes from {start}{ends}{where}"
+
+
+def _turns(values: Sequence[float]) -> list[int]:
+    """The ends of a curve and, between them, its one or two largest turns."""
+    last, least = len(values) - 1, LEVEL * (max(values) - min(values))
+    inner = sorted({values.index(max(values)), values.index(min(values))} - {0, last})
+    return [
+        0,
+        *(i for i in inner if min(abs(values[i] - values[0]), abs(values[i] - values[last])) > least),
+        last,
+    ]
+
+
+def curve_rows(effects: Sequence[NamedEffect]) -> Iterator[str]:
+    """The sentence of every measured curve of an account that is worth a line."""
+    for effect in effects:
+        part = effect.importance
+        little = effect.role == "slight" and part is not None and part.share < TRIFLE
         if effect.curve is not None and not little:
             yield curve_sentence(effect)
-
-
-def course(curve: MeasuredCurve) -> str:
-    """`it goes from 2.2 N at q_dot = -0.64 m/s over 3.1 at -0.36 to -2.9 at 0.5`."""
-    of = shortened(curve.input)
-    if len(curve.values) != len(curve.at):  # a map, in files of earlier versions
-        return f"it lies between {min(curve.values):.3g} and {max(curve.values):.3g} {curve.unit}"
-    turns = _turns(curve)
-    first, *between, last = [(curve.at[i], curve.values[i]) for i in turns]
-    over = " and ".join(f"{y:.3g} at {x:.3g}" for x, y in between[:2])
-    start = f"{first[1]:.3g} {curve.unit} at {of} = {first[0]:.3g} {curve.input_unit}"
-    return f"it goes from {start}{f' over {over}' if over else ''} to {last[1]:.3g} at {last[0]:.3g}"
 
 
 def beyond(curve: MeasuredCurve) -> str:
@@ -243,16 +226,3 @@ def beyond(curve: MeasuredCurve) -> str:
     low, high = curve.visited
     reach = f"[{low:.3g}, {high:.3g}] {curve.input_unit}"
     return f"record {shortened(curve.input)} beyond {reach}, if you need it there: the curve is held, which is a guess"
-
-
-def _turns(curve: MeasuredCurve) -> list[int]:
-    """The ends of a curve and, between them, its one or two largest turns."""
-    values, last = curve.values, len(curve.values) - 1
-    span = max(values) - min(values)
-    inner = {values.index(max(values)), values.index(min(values))} - {0, last}
-    far = [
-        i
-        for i in sorted(inner)
-        if min(abs(values[i] - values[0]), abs(values[i] - values[last])) > LEVEL * span
-    ]
-    return [0, *far, last]

@@ -11,11 +11,11 @@ import hashlib
 import io
 import json
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from importlib import resources
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -28,7 +28,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont
 from matplotlib.ft2font import FT2Font
-from matplotlib.layout_engine import LayoutEngine
 from matplotlib.text import Text
 
 from gpsim.reports.quantities import LONGEST, shortened
@@ -41,90 +40,20 @@ POLICIES = {
     "Target": "#333333",
 }
 """Policies, and the simulators of the same names."""
-
 OTHERS = ("#009E73", "#CC79A7", "#882255", "#999933", "#44AA99", "#AA4499", "#6D4C41")
 """For names that are not in POLICIES, in order of appearance; used again from the start when there are more."""
-
 RATES = ("#009E73", "#AA4499", "#999933", "#44AA99", "#6D4C41")
 """Apart from the policies' colours, so that a rate is not mistaken for a policy."""
-
 SEGMENTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#882255", "#999933")
 """Parts of one bar that stand side by side, the largest first."""
-
 SLIGHT = "#B8BEC7"  # of such a bar: what is small and no claim
-
 INK, FAINT, GRID, BAND, GP = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8", "#0072B2"
-
-
-def colours(names: Iterable[str]) -> dict[str, str]:
-    """A colour for every name; names that are not known take the rest of the palette in order of appearance."""
-    found: dict[str, str] = {}
-    others = 0
-    for name in names:
-        if name in found:
-            continue
-        if name in POLICIES:
-            found[name] = POLICIES[name]
-        else:
-            found[name] = OTHERS[others % len(OTHERS)]
-            others += 1
-    return found
-
 
 FAMILY = "DejaVu Sans"  # comes with matplotlib: the same on every machine
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 LABEL = 18  # letters of a name beside an axis that is no longer than that,
 LONGEST_UNIT = 12  # and of a unit
-_NO_WIDTH = "\N{ZERO WIDTH SPACE}"
-
-
-def named(name: str, unit: str = "", most: int = LONGEST) -> str:
-    """`name [unit]` for an axis, both shortened; the name alone where there is no unit."""
-    return f"{shortened(name, most)} [{shortened(unit, LONGEST_UNIT)}]" if unit else shortened(name, most)
-
-
-def beside(name: str, unit: str) -> str:
-    """The same beside an axis among others, which is short: in two lines where it is longer than that."""
-    whole = named(name, unit, LABEL)
-    return whole if len(whole) <= LABEL else "\n[".join(whole.rsplit(" [", 1))
-
-
-def legend_label(name: str, most: int = LONGEST) -> str:
-    """A name as a legend's label: of one that begins with `_` matplotlib would show nothing."""
-    label = shortened(name, most)
-    return f"{_NO_WIDTH}{label}" if label.startswith("_") else label
-
-
-def drawable(text: str) -> str:
-    """What the font can draw of a text: letters that it lacks are replaced, marks without a shape left out."""
-    known = _letters()
-    kept = (c for c in text if c == "\n" or ord(c) in known or unicodedata.category(c) != "Cf")
-    return "".join(c if c == "\n" or ord(c) in known else UNKNOWN for c in kept)
-
-
-def make_literal(figure: Figure) -> None:
-    """Every text of a figure shows its own letters; numbers at ticks are left as their formatter writes them."""
-    for text in _texts(figure):
-        text.set_parse_math(False)
-        text.set_text(drawable(text.get_text()))
-
-
-def _texts(artist: Artist) -> Iterator[Text]:
-    # Of an axis not its ticks, which it would make to be asked for them.
-    inner = [artist.label, artist.get_offset_text()] if isinstance(artist, Axis) else artist.get_children()
-    for child in inner:
-        if isinstance(child, Text):
-            yield child
-        yield from _texts(child)
-
-
-@cache
-def _letters() -> frozenset[int]:
-    """Code points that the font has in all weights that are used."""
-    weights = (FontProperties(family=FAMILY, weight=weight) for weight in ("normal", "bold"))
-    return frozenset.intersection(*(frozenset(FT2Font(findfont(w)).get_charmap()) for w in weights))
-
-
+LONGEST_CELL = 48  # letters of a name in a table: its title holds all of them
 STYLE: dict[Any, Any] = {
     "font.family": FAMILY,
     "font.size": 10.5,
@@ -158,6 +87,60 @@ STYLE: dict[Any, Any] = {
 }
 
 
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour for every name; names that are not known take the rest of the palette in order of appearance."""
+    unique = list(dict.fromkeys(names))
+    others = [name for name in unique if name not in POLICIES]
+    return {n: POLICIES[n] if n in POLICIES else OTHERS[others.index(n) % len(OTHERS)] for n in unique}
+
+
+def named(name: str, unit: str = "", most: int = LONGEST) -> str:
+    """`name [unit]` for an axis, both shortened; the name alone where there is no unit."""
+    return f"{shortened(name, most)} [{shortened(unit, LONGEST_UNIT)}]" if unit else shortened(name, most)
+
+
+def beside(name: str, unit: str) -> str:
+    """The same beside an axis among others, which is short: in two lines where it is longer than that."""
+    whole = named(name, unit, LABEL)
+    return whole if len(whole) <= LABEL else "\n[".join(whole.rsplit(" [", 1))
+
+
+def legend_label(name: str, most: int = LONGEST) -> str:
+    """A name as a legend's label: of one that begins with `_` matplotlib would show nothing."""
+    label = shortened(name, most)
+    return f"\N{ZERO WIDTH SPACE}{label}" if label.startswith("_") else label
+
+
+def drawable(text: str) -> str:
+    """What the font can draw of a text: letters that it lacks are replaced, marks without a shape left out."""
+    known = _letters() | {ord("\n")}
+    kept = (c for c in text if ord(c) in known or unicodedata.category(c) != "Cf")
+    return "".join(c if ord(c) in known else UNKNOWN for c in kept)
+
+
+def make_literal(figure: Figure) -> None:
+    """Every text of a figure shows its own letters; numbers at ticks are left as their formatter writes them."""
+    for text in _texts(figure):
+        text.set_parse_math(False)
+        text.set_text(drawable(text.get_text()))
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    # Of an axis not its ticks, which it would make to be asked for them.
+    inner = [artist.label, artist.get_offset_text()] if isinstance(artist, Axis) else artist.get_children()
+    for child in inner:
+        if isinstance(child, Text):
+            yield child
+        yield from _texts(child)
+
+
+@cache
+def _letters() -> frozenset[int]:
+    """Code points that the font has in all weights that are used."""
+    weights = (FontProperties(family=FAMILY, weight=weight) for weight in ("normal", "bold"))
+    return frozenset.intersection(*(frozenset(FT2Font(findfont(w)).get_charmap()) for w in weights))
+
+
 @contextmanager
 def defaults() -> Iterator[None]:
     """Matplotlib's defaults, whatever the caller's own settings are."""
@@ -174,15 +157,9 @@ def style() -> Iterator[None]:
         yield
 
 
-def panels(
-    rows: int,
-    columns: int,
-    size: tuple[float, float],
-    layout: LayoutEngine | Literal["constrained"] = "constrained",
-    **kwargs: object,
-) -> tuple[Figure, np.ndarray]:
+def panels(rows: int, columns: int, size: tuple[float, float], **kwargs: object) -> tuple[Figure, np.ndarray]:
     """A figure of (width, height) inches and its axes, always (rows, columns)."""
-    figure = Figure(figsize=size, layout=layout)
+    figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
     axes: np.ndarray = figure.subplots(rows, columns, squeeze=False, **kwargs)  # type: ignore[call-overload]
     return figure, axes
@@ -197,24 +174,19 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6, markerscale: floa
 
 def svg(figure: Figure) -> bytes:
     """The figure as SVG without dates or program names."""
-    stream = io.BytesIO()
-    make_literal(figure)
-    with style():
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    return stream.getvalue()
+    return _saved(figure, format="svg", metadata={"Date": None, "Creator": None})
 
 
 def png(figure: Figure, dpi: float = 110.0) -> bytes:
     """The figure as PNG without dates or program names."""
+    return _saved(figure, format="png", dpi=dpi, metadata={"Software": None})
+
+
+def _saved(figure: Figure, **how: Any) -> bytes:
     stream = io.BytesIO()
     make_literal(figure)
     with style():
-        figure.set_dpi(dpi)
-        if (layout := figure.get_layout_engine()) is not None:
-            layout.execute(figure)  # `savefig` would draw everything twice for that
-            figure.set_layout_engine("none")
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(stream, metadata={"Software": None})
+        figure.savefig(stream, **how)
     return stream.getvalue()
 
 
@@ -223,31 +195,29 @@ def data_uri(figure: Figure) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg(figure)).decode("ascii")
 
 
-LONGEST = 48  # letters of a name in a table: its title holds all of them
-
-
 def page_of(template: str, style: str, **content: Any) -> str:
     """The page that a template file makes of its content; `head` in it is the charset, the policy and the style.
 
     style: the one style sheet. Scripts, frames, forms and everything from elsewhere stay out, whatever a name holds.
     """
-    return fragment_of(template, head=_head(style), **content)
+    if "<" in style or "\r" in style:
+        raise ValueError("a style sheet that ends its own element, or whose hash a browser would not find")
+    policy = Markup('<meta http-equiv="Content-Security-Policy" content="{}">').format(security_policy(style))
+    head = Markup('<meta charset="utf-8">\n{}\n<style>{}</style>').format(policy, Markup(style))
+    return fragment_of(template, head=head, **content)
 
 
 def fragment_of(template: str, **content: Any) -> str:
     """What a template file makes of its content, for a page that somebody else makes."""
     environment = Environment(
-        loader=FunctionLoader(resource),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
+        loader=FunctionLoader(resource), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
-    )
+    )  # fmt: skip
     environment.filters |= {
-        "short": _short,
-        "title_of": _title_of,
-        "titles_of": _titles_of,
-        "pretty": _pretty,
+        "short": partial(_with_most, LONGEST_CELL, shortened),
+        "title_of": partial(_with_most, LONGEST_CELL, lambda text, most: _titled([text], most)),
+        "titles_of": partial(_with_most, LABEL, _titled),
+        "pretty": partial(json.dumps, indent=1, default=str),
     }
     return environment.get_template(template).render(**content)
 
@@ -265,27 +235,11 @@ def security_policy(style: str) -> str:
     )
 
 
-def _head(style: str) -> Markup:
-    if "<" in style or "\r" in style:
-        raise ValueError("a style sheet that ends its own element, or whose hash a browser would not find")
-    policy = Markup('<meta http-equiv="Content-Security-Policy" content="{}">').format(security_policy(style))
-    return Markup('<meta charset="utf-8">\n{}\n<style>{}</style>').format(policy, Markup(style))
+def _with_most(usual: int, make: Callable[[Any, int], str], shown: Any, most: int | None = None) -> str:
+    return make(shown, usual if most is None else most)
 
 
-def _short(text: str, most: int = LONGEST) -> str:
-    return shortened(text, most)
-
-
-def _pretty(tree: Any) -> str:
-    return json.dumps(tree, indent=1, default=str)
-
-
-def _titles_of(names: Sequence[str], most: int = LABEL) -> str:
-    """A title attribute with the whole of those names that a figure does not show whole."""
+def _titled(names: Sequence[str], most: int) -> str:
+    """A title attribute with the whole of those names that are not shown whole."""
     long = [name for name in names if len(name) > most]
     return Markup(' title="{}"').format(", ".join(long)) if long else ""
-
-
-def _title_of(text: str, most: int = LONGEST) -> str:
-    """A title attribute with the whole text, where it is not shown whole."""
-    return Markup(' title="{}"').format(text) if len(text) > most else ""

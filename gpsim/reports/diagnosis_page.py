@@ -10,17 +10,26 @@ from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
-from gpsim.findings import HeldOutFit, Kind, Ratio, RolloutErrors, StepErrors
+from gpsim.findings import Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
-from gpsim.reports.account_figures import MOST, PARTS, ROLLOUT
 from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
-from gpsim.reports.diagnosis_figures import Picture
-from gpsim.reports.diagnosis_text import not_asked_lines, ranking
-from gpsim.reports.geometry_text import geometry_sheet, inseparable_lines
+from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
+from gpsim.reports.diagnosis_text import geometry_sheet, inseparable_lines, not_asked_lines, ranking
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.robot_figure import ROBOT
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
+
+MOST_LINES, MOST_CHANGES = 9, 6
+"""Of the account's tables of effects and of errors, on the first screen."""
+KINDS: Mapping[Kind, str] = {
+    "before": "base",
+    "tuned": "base tuned",
+    "gp": "base + GP",
+    "after": "base + effects",
+    "after_gp": "base + effects + GP",
+    "noise_floor": "noise floor",
+}
 
 
 def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
@@ -32,19 +41,6 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
         sentence=account.sentence[:1].upper() + account.sentence[1:],
         pictures=pictures,
     )
-
-
-FRONT = (ROLLOUT, PARTS, ROBOT)  # pictures beside the account
-MOST_LINES, MOST_CHANGES = 9, 6
-"""Of the account's tables of effects and of errors, on the first screen."""
-KINDS: Mapping[Kind, str] = {
-    "before": "base",
-    "tuned": "base tuned",
-    "gp": "base + GP",
-    "after": "base + effects",
-    "after_gp": "base + effects + GP",
-    "noise_floor": "noise floor",
-}
 
 
 def page(
@@ -61,9 +57,8 @@ def page(
     missing: lines about what it lacks; simulator: the base's name, if it is known; model: where in a model's file each
     effect goes.
     """
-    short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
-    first = front_of(diagnosis)
-    account = account_of(diagnosis, simulator=simulator)
+    first, account = front_of(diagnosis), account_of(diagnosis, simulator=simulator)
+    runs = diagnosis.fit.rollout
     return page_of(
         "diagnosis.html.jinja",
         resource("diagnosis.css") + _bars(),
@@ -76,7 +71,10 @@ def page(
         kinds=KINDS,
         number=number,
         share=_share,
-        tables=_tables(diagnosis.fit),
+        tables={
+            "One step ahead on held-out data": diagnosis.fit.one_step,
+            **({f"After {runs.horizon_s:.3g} s on held-out data": runs.channels} if runs.channels else {}),
+        },
         front=[pictures[key] for key in first if key in pictures],
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
@@ -89,13 +87,13 @@ def page(
         not_asked=not_asked_lines(diagnosis.not_asked),
         ranking="\n".join(ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
-        text=json.dumps(short, indent=2),
+        text=json.dumps({k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}, indent=2),
     )
 
 
 def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The names of the pictures beside the account."""
-    return (ROLLOUT, ROBOT) if diagnosis.verdict == "unknown" else FRONT
+    return (ROLLOUT, ROBOT) if diagnosis.verdict == "unknown" else (ROLLOUT, PARTS, ROBOT)
 
 
 def _first_rows(rows: Sequence[Row]) -> int:
@@ -124,11 +122,3 @@ def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
     if left.low is None or left.high is None:
         return text
     return f"{text} ({in_percent(left.low)} to {in_percent(left.high)})"
-
-
-def _tables(fit: HeldOutFit) -> dict[str, Mapping[str, StepErrors] | Mapping[str, RolloutErrors]]:
-    """Title -> rows of errors."""
-    steps, runs = fit.one_step, fit.rollout.channels
-    tables: dict[str, Mapping[str, StepErrors] | Mapping[str, RolloutErrors]]
-    tables = {"One step ahead on held-out data": steps}
-    return tables | ({f"After {fit.rollout.horizon_s:.3g} s on held-out data": runs} if runs else {})

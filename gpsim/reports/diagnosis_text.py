@@ -1,32 +1,76 @@
-"""What is peculiar to a log, and what parameters fix only together, in words."""
+"""Parts of a diagnosis in words: where it is off, what is peculiar to a log, what parameters fix only together.
+
+And a model's geometry: what is off by how much, what cannot be told apart, and how far the tool is off.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
 from gpsim.effects import CURVES, FAMILIES
-from gpsim.findings import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
-from gpsim.reports.quantities import interval_text, number, percent, spelled
-from gpsim.reports.sheets import unit
+from gpsim.findings import (
+    Claims,
+    Combination,
+    GeometryFound,
+    GeometryKind,
+    GeometryPlace,
+    InPlaceOf,
+    Inseparable,
+    Kinematics,
+    LogFact,
+    NamedEffect,
+    NotAsked,
+    RankedHypothesis,
+)
+from gpsim.reports.quantities import brief, interval_text, number, percent, size_text, spelled
+from gpsim.reports.sheets import Sheet, sheet, unit
 
 COUNTED: Mapping[str, tuple[str, str]] = {
     "repeated": ("{of} repeats the one before", "{of} repeat the one before"),
     "missing": ("{of} is missing", "{of} are missing"),
     "outliers": ("{of} leaps and was left out", "{of} leap and were left out"),
-    "touching": (
-        "in {of} something touches: accelerations are not compared there, rollouts are",
-        "in {of} something touches: accelerations are not compared there, rollouts are",
-    ),
+    "touching": ("in {of} something touches: accelerations are not compared there, rollouts are",) * 2,
 }
 MEASURED: Mapping[str, str] = {
     "pushed": "something from outside acted from {size} on (a push, a bump) and was left out",
     "quantised": "{channel} is quantised to {size}",
     "jitter": "the clock jitters by {size}",
 }
+NOT_ASKED: Mapping[str, str] = {
+    "no command": "{name} was not recorded and is taken as 0 {unit}",
+    "constant command": "{name} never changes ({value})",
+    "constant": "{name} never changes: it says little",
+    "held": "{name} never changes ({value}): it is taken as held still from outside",
+    "not needed": "{name} was not measured, and nothing that was depends on it: it is left out",
+    "known": "{name} is known ({value})",
+    "asked": "left out as you said",
+    "does nothing": "{name} is required and does nothing here: it is left out",
+    "nothing touches": "nothing touches {name}: its friction and stiffness are not asked",
+}
 WHOLE = "parameter_offset"  # a parameter of the simulator itself: its place is its name
+MOST_NAMED = 4  # families that are named in a line; of more their number is said
+NOTHING = "nothing missing"
+RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
+COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
+TRIFLE = 0.01  # of a rate's residual: less is not told
+MOST = 3  # names that are told of a list
+
+
+def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
+    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
+    if most is not None and len(names) > most:
+        names = [*names[:most], f"{len(names) - most} more"]
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def noun(family: str) -> str:
+    """What people call a family of effects, in the catalogue or not."""
+    found = FAMILIES.get(family) or CURVES.get(family)
+    return (found.noun if found is not None else "") or family.replace("_", " ")
 
 
 def log_fact_text(fact: LogFact) -> str:
@@ -43,23 +87,20 @@ def log_fact_text(fact: LogFact) -> str:
 
 def fixed_text(combination: Combination) -> str:
     """What the data fix: the product of powers, and its value; that it is one combination where nobody knows which."""
-    powers = combination.exponents
-    names = [_parameter(name) for name in combination.of]
+    powers, value = combination.exponents, combination.value
     if len(powers) != len(combination.of) or not any(powers):
         return "one combination of them"
-    above = [_power(n, p) for n, p in zip(names, powers, strict=True) if p > 0]
-    below = [_power(n, -p) for n, p in zip(names, powers, strict=True) if p < 0]
+    terms = [(p, _parameter(name)) for name, p in zip(combination.of, powers, strict=True)]
+    above, below = (
+        [name if abs(s * p - 1.0) < 1e-9 else f"{name}^{s * p:.2g}" for p, name in terms if s * p > 0]
+        for s in (1, -1)
+    )
     said = f"{' · '.join(above) or '1'}{' / ' + ' / '.join(below) if below else ''}"
-    return f"{said}{_size(combination)}"
-
-
-def _size(combination: Combination) -> str:
-    value, low, high = combination.value, combination.low, combination.high
     if value is None:
-        return ""
-    of = "" if combination.unit == "1" else f" {unit(combination.unit)}"
+        return said
+    low, high = combination.low, combination.high
     size = f"{value:.4g}" if low is None or high is None else interval_text(value, low, high)
-    return f" = {size}{of}"
+    return f"{said} = {size}{'' if combination.unit == '1' else f' {unit(combination.unit)}'}"
 
 
 def open_text(combination: Combination) -> str:
@@ -105,14 +146,6 @@ def _parameter(name: str) -> str:
     return place if family == WHOLE else f"{place} {parameter.replace('_', ' ')}"
 
 
-def _power(name: str, power: float) -> str:
-    return name if abs(power - 1.0) < 1e-9 else f"{name}^{power:.2g}"
-
-
-MOST_NAMED = 4
-"""Families that are named in a line; of more their number is said."""
-
-
 def not_asked_lines(entries: Sequence[NotAsked]) -> list[str]:
     """One line each: what never changed, was not measured or was settled, and what is left out for it.
 
@@ -122,52 +155,44 @@ def not_asked_lines(entries: Sequence[NotAsked]) -> list[str]:
     for entry in entries:
         if entry.because == "estimated":
             estimated.setdefault(entry.families, []).append(entry.channel)
-    said = [_estimated(names) + _left_out(families) for families, names in estimated.items()]
-    return said + [_not_asked(e) + _left_out(e.families) for e in entries if e.because != "estimated"]
-
-
-def _estimated(names: Sequence[str]) -> str:
-    verbs = "were not measured and are" if len(names) > 1 else "was not measured and is"
-    return f"{listed(names)} {verbs} estimated"
+    said = [
+        f"{listed(names)} {'were not measured and are' if len(names) > 1 else 'was not measured and is'} estimated"
+        + _left_out(families)
+        for families, names in estimated.items()
+    ]
+    for e in entries:
+        if e.because != "estimated":
+            value = f"{e.value:g} {e.unit}" if e.value is not None else ""
+            words = NOT_ASKED[e.because].format(name=e.channel, value=value, unit=e.unit)
+            said.append(words + _left_out(e.families))
+    return said
 
 
 def _left_out(families: Sequence[str]) -> str:
-    return f"; not asked: {_families(families)}" if families else ""
-
-
-def _not_asked(entry: NotAsked) -> str:
-    name, value = entry.channel, f"{entry.value:g} {entry.unit}" if entry.value is not None else ""
-    return {
-        "no command": f"{name} was not recorded and is taken as 0 {entry.unit}",
-        "constant command": f"{name} never changes ({value})",
-        "constant": f"{name} never changes: it says little",
-        "held": f"{name} never changes ({value}): it is taken as held still from outside",
-        "not needed": f"{name} was not measured, and nothing that was depends on it: it is left out",
-        "known": f"{name} is known ({value})",
-        "asked": "left out as you said",
-        "does nothing": f"{name} is required and does nothing here: it is left out",
-        "nothing touches": f"nothing touches {name}: its friction and stiffness are not asked",
-    }[entry.because]
-
-
-def _families(families: Sequence[str]) -> str:
     names = [family.replace("_", " ") for family in families]
-    if len(names) > MOST_NAMED:
-        return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more families"
-    return ", ".join(names)
-
-
-NOTHING = "nothing missing"
-RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
-COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
-TRIFLE = 0.01  # of a rate's residual: less is not told
-MOST = 3  # names that are told of a list
+    more = f" and {len(names) - MOST_NAMED} more families" if len(names) > MOST_NAMED else ""
+    return f"; not asked: {', '.join(names[:MOST_NAMED])}{more}" if names else ""
 
 
 def ranking(diagnosis: Diagnosis) -> list[str]:
     """Every hypothesis that was fitted, the best first; those of the search alone, which had fewer data, at the end."""
     groups = {title: [e for e in diagnosis.ranking if e.windows == w] for w, title in RANKINGS.items()}
     return [line for title, group in groups.items() if group for line in (title, *map(_ranked, group))]
+
+
+def _ranked(entry: RankedHypothesis) -> str:
+    gates = entry.gates or ("",) * len(entry.effects)
+    terms = [
+        f"{family} on {on}" + (f" (for some {gate})" if gate else "")
+        for (family, on), gate in zip(entry.effects, gates, strict=True)
+    ]
+    why = f"  ({entry.refused})" if entry.refused else ""
+    return f"{entry.nats_behind:10.1f}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}{why}"
+
+
+def terms_text(effects: Claims) -> str:
+    """The families and places of an explanation."""
+    return " + ".join(f"{family} on {on}" for family, on in effects) or NOTHING
 
 
 def where(diagnosis: Diagnosis) -> str:
@@ -178,61 +203,57 @@ def where(diagnosis: Diagnosis) -> str:
             f"nowhere: the error is noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
         )
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
-    told = [(spelled(name), percent(share)) for name, share in shares if share > TRIFLE]
-    text = _error_in(told) if told else _no_part(diagnosis)
+    told = [f"{spelled(name)} ({percent(share)} %" for name, share in shares if share > TRIFLE]
+    if told:
+        told[0] += " of the error there is not noise"
+        text = f"in {listed([f'{one})' for one in told])}"
+    elif diagnosis.fit.one_step:
+        text = "the error is small in every rate, but more than noise"
+    else:
+        text = "in a rate that was not measured"
     if location.depends_on:
         inputs = [spelled(name) for name in location.depends_on]
         text += f"; look at {listed(inputs)}: the error changes with {'it' if len(inputs) == 1 else 'them'}"
-    for name, (low, high) in location.region.items():
-        text += f"; only where {in_region(name, low, high)}"
-    if location.since is not None:
-        text += f"; since t = {_moment(location.since, diagnosis.dt)} s"
-    if location.since_episode is not None:
-        text += f"; since episode {spelled(location.since_episode)}"
+    for gate in _gates(location.region, location.since, location.since_episode, diagnosis.dt):
+        text += f"; {gate}"
     return f"{text}{_part(diagnosis)}.{_looked_at(diagnosis)}"
 
 
 def gate_text(effect: NamedEffect, dt: float | None) -> str:
     """Where and since when an effect acts; empty where it does so always."""
-    said = [f"only where {in_region(name, low, high)}" for name, (low, high) in effect.region.items()]
-    if effect.since is not None:
-        said.append(f"since t = {_moment(effect.since, dt)} s")
-    if effect.since_episode is not None:
-        said.append(f"since episode {spelled(effect.since_episode)}")
+    said = _gates(effect.region, effect.since, effect.since_episode, dt)
     if effect.recordings is not None:
         said.append(f"only in {listed([spelled(name) for name in effect.recordings])}")
     return ", ".join(said)
 
 
-def in_region(name: str, low: float, high: float) -> str:
-    """`x in [-1.1, -0.4]`."""
-    return f"{spelled(name)} in {_between(low, high)}"
-
-
-def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
-    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
-    if most is not None and len(names) > most:
-        names = [*names[:most], f"{len(names) - most} more"]
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def _gates(
+    region: Mapping[str, tuple[float, float]], since: float | None, episode: str | None, dt: float | None
+) -> list[str]:
+    said = [f"only where {spelled(name)} in {_between(low, high)}" for name, (low, high) in region.items()]
+    if since is not None:
+        said.append(f"since t = {_moment(since, dt)} s")
+    if episode is not None:
+        said.append(f"since episode {spelled(episode)}")
+    return said
 
 
 def _own_step(diagnosis: Diagnosis) -> str:
     """What of the residual the base simulator's own step makes, where that is much."""
-    errors = [(name, e, e.finely) for name, e in diagnosis.fit.one_step.items() if e.finely is not None]
-    coarse = [(name, e, finely) for name, e, finely in errors if finely < COARSE * e.before]
-    if not coarse:
+    left = [
+        f"{number(e.finely)} of {spelled(name)}'s {number(e.before)} {e.unit}"
+        for name, e in diagnosis.fit.one_step.items()
+        if e.finely is not None and e.finely < COARSE * e.before
+    ]
+    if not left:
         return ""
-    left = listed(
-        [f"{number(finely)} of {spelled(n)}'s {number(e.before)} {e.unit}" for n, e, finely in coarse]
-    )
-    return f" The simulator's own step is coarse: integrated finely, {left} is left one step ahead."
+    return f" The simulator's own step is coarse: integrated finely, {listed(left)} is left one step ahead."
 
 
 def _part(diagnosis: Diagnosis) -> str:
     """In which part of state, action or time nearly all of it lies; what a named region says already is left out."""
     location, part = diagnosis.location, diagnosis.location.concentrated
-    named = location.region or location.since is not None or location.since_episode is not None
-    if part is None or named:
+    if part is None or _gates(location.region, location.since, location.since_episode, diagnosis.dt):
         return ""
     (low, high), name = part.interval, part.channel
     of = spelled(name.removeprefix(SINCE_REVERSAL))
@@ -256,9 +277,7 @@ def _between(low: float, high: float) -> str:
 
 def _moment(t: float, dt: float | None) -> str:
     """A moment [s] to a step of its clock, dt [s]; three digits where nobody knows that step."""
-    if not dt:
-        return f"{t:.3g}"
-    return f"{t:.{max(0, math.ceil(-math.log10(dt)))}f}"
+    return f"{t:.{max(0, math.ceil(-math.log10(dt)))}f}" if dt else f"{t:.3g}"
 
 
 def _looked_at(diagnosis: Diagnosis) -> str:
@@ -273,39 +292,103 @@ def _looked_at(diagnosis: Diagnosis) -> str:
     return text
 
 
-def _error_in(told: Sequence[tuple[str, str]]) -> str:
-    """In which rates the simulator is wrong, the worst first: how much of the error there is more than noise."""
-    more = [" of the error there is not noise", *[""] * len(told)]
-    return (
-        f"in {listed([f'{name} ({share} %{said})' for (name, share), said in zip(told, more, strict=False)])}"
+GEOMETRY: Mapping[GeometryKind, str] = {
+    "frame turn": "the base's turn about {axis}",
+    "frame place": "the base's place along {axis}",
+    "joint zero": "the zero of {on}",
+    "body place": "the place of {on} along {axis}",
+    "body turn": "the turn of {on} about {axis}",
+    "site place": "the place of {on} along {axis}",
+    "site turn": "the turn of {on} about {axis}",
+    "delay": "the delay of the motion capture",
+}
+GEOMETRY_NOTE = (
+    "A zero is to be added to the encoder's reading; a link's place is along its parent's axes, its turn about "
+    "its own. The robot's numbers are corrected in the simulator and in what `gpsim export model` writes; those of the "
+    "laboratory (the base in the motion capture's frame, turned about the first joint; the delay) are none of the "
+    "model's."
+)
+
+
+def place_name(place: GeometryPlace) -> str:
+    """`the zero of elbow`, `the place of forearm along x`."""
+    return GEOMETRY[place.kind].format(on=spelled(place.on), axis=place.axis)
+
+
+def found_text(found: GeometryFound) -> str:
+    """`the zero of elbow is off by 0.0200 ± 0.0001 rad`, and what would do as well."""
+    off = "is" if found.place.kind == "delay" else "is off by"
+    said = f"{place_name(found.place)} {off} {size_text('', found.size)}"
+    others = instead_text(found)
+    return f"{said}; {others}" if others else said
+
+
+def instead_text(found: GeometryFound) -> str:
+    """What would explain the same; empty where nothing does."""
+
+    def named(other: InPlaceOf) -> str:
+        return f"{place_name(other.place)} ({other.value:.3g} {other.unit})"
+
+    def shown(other: InPlaceOf) -> str:
+        if found.size.unit != other.unit:
+            return "a sum"
+        return "the sum" if found.size.value * other.value > 0.0 else "the difference"
+
+    said = [f"of it and {named(i)} only {shown(i)} shows" for i in found.instead if i.exact]
+    if alike := [named(i) for i in found.instead if not i.exact]:
+        said.append(f"this recording does not tell it from {listed(alike, None, 'or')}")
+    return "; ".join(said)
+
+
+def inseparable_text(entry: Inseparable) -> str:
+    """`the zero of joint1 and the base's turn about z: only a sum shows`."""
+    if not entry.of:
+        return f"{place_name(entry.place)} does not show at all"
+    return f"{listed([place_name(entry.place), *map(place_name, entry.of)], None)}: only a sum shows"
+
+
+def geometry_lines(found: Kinematics | None) -> list[str]:
+    """The account's lines: the robot's numbers, those of the laboratory, and the tool's error; none without poses."""
+    if found is None:
+        return []
+    lines = [found_text(f) for f in found.found if f.model]
+    lines = lines or ["zeros and lengths are as the model says, as far as the motion capture tells"]
+    for name, error in found.error.items():
+        mm = [brief(1e3 * v) for v in (error.before, error.after, error.placed, error.noise)]
+        lines.append(
+            f"{spelled(name)} is {mm[0]} → {mm[1]} mm off on held-out samples (with the base against the motion "
+            f"capture's frame alone {mm[2]}, noise {mm[3]})"
+        )
+    laboratory = [found_text(f) for f in found.found if not f.model]
+    return [*lines, *([f"the laboratory: {'; '.join(laboratory)}"] if laboratory else [])]
+
+
+def geometry_sheet(found: Kinematics | None) -> Sheet:
+    """A row a number that is off; no rows without poses."""
+    rows = (
+        (
+            place_name(each.place),
+            "the robot's" if each.model else "the laboratory's",
+            instead_text(each),
+            size_text("", each.size),
+        )
+        for each in (found.found if found is not None else ())
     )
+    heads = ("what is off", "whose", "instead of it", "by (90 %)")
+    return sheet("Geometry", heads, rows, labels=3, note=GEOMETRY_NOTE)
 
 
-def _no_part(diagnosis: Diagnosis) -> str:
-    return (
-        "the error is small in every rate, but more than noise"
-        if diagnosis.fit.one_step
-        else "in a rate that was not measured"
+def inseparable_lines(found: Kinematics | None) -> list[str]:
+    """What no sample of the recording tells apart, a line each."""
+    return [inseparable_text(entry) for entry in found.inseparable] if found is not None else []
+
+
+def with_sentences(found: Kinematics | None) -> Kinematics | None:
+    """With every sentence that diagnosis.json holds."""
+    if found is None:
+        return None
+    return replace(
+        found,
+        found=tuple(replace(f, sentence=f.sentence or found_text(f)) for f in found.found),
+        inseparable=tuple(replace(i, sentence=i.sentence or inseparable_text(i)) for i in found.inseparable),
     )
-
-
-def _ranked(entry: RankedHypothesis) -> str:
-    gates = entry.gates or ("",) * len(entry.effects)
-    terms = [
-        f"{family} on {on}" + (f" (for some {gate})" if gate else "")
-        for (family, on), gate in zip(entry.effects, gates, strict=True)
-    ]
-    why = f"  ({entry.refused})" if entry.refused else ""
-    return f"{entry.nats_behind:10.1f}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}{why}"
-
-
-def terms_text(effects: Claims) -> str:
-    """The families and places of an explanation."""
-    return " + ".join(f"{family} on {on}" for family, on in effects) or NOTHING
-
-
-def noun(family: str) -> str:
-    """What people call a family of effects, in the catalogue or not."""
-    found = FAMILIES.get(family) or CURVES.get(family)
-    known = found.noun if found is not None else ""
-    return known or family.replace("_", " ")

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gpsim.diagnosis import Diagnosis
@@ -19,7 +18,7 @@ from gpsim.reports.account_lines import account_lines
 from gpsim.reports.canvas import INK, data_uri, named, page_of, panels, resource, style
 from gpsim.reports.diagnosis_text import gate_text
 from gpsim.reports.quantities import shortened, size_text
-from gpsim.reports.sheets import MISSING, Cell, Sheet, row, sheet, whole_percent
+from gpsim.reports.sheets import MISSING, Cell, sheet, whole_percent
 
 WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
 TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
@@ -93,24 +92,18 @@ def deviations(robots: Sequence[Robot]) -> list[Deviation]:
     lacks one and does not hold it possible, or whose size is apart from the others', differs.
     """
     judged = [robot for robot in robots if robot.judged]
-    told = _alike(judged)
-    claims = list(dict.fromkeys(claim for effects in told.values() for claim in effects))
-    found = []
-    for robot in judged:
-        others = [other for other in judged if other is not robot]
-        if others:
-            found += [d for claim in claims if (d := _deviation(robot, others, claim, told)) is not None]
-    return found
-
-
-def _alike(robots: Sequence[Robot]) -> dict[str, dict[Claim, NamedEffect]]:
-    """Of each robot by its name the explanation that is most like the others'."""
-    often = Counter(claim for robot in robots for claim in robot.effects)
+    often = Counter(claim for robot in judged for claim in robot.effects)
 
     def commonness(effects: dict[Claim, NamedEffect]) -> float:
         return sum(often[claim] for claim in effects) / max(len(effects), 1)
 
-    return {robot.name: max(robot.explanations, key=commonness) for robot in robots}
+    told = {robot.name: max(robot.explanations, key=commonness) for robot in judged}
+    claims = list(dict.fromkeys(claim for effects in told.values() for claim in effects))
+    found = []
+    for robot in judged if len(judged) > 1 else ():
+        others = [other for other in judged if other is not robot]
+        found += [d for claim in claims if (d := _deviation(robot, others, claim, told)) is not None]
+    return found
 
 
 def _deviation(
@@ -131,13 +124,10 @@ def _deviation(
         some = f"{len(having)} of {len(others)} have it"
         return Deviation(robot.name, name, size_of(mine), some if having else alone, since)
     late = since and not any(gate_text(other, dt) for other in having)
-    if not late and not any(_apart(p, _of_others(having, key)) for key, p in mine.parameters.items()):
+    sizes = {key: [e.parameters[key] for e in having if key in e.parameters] for key in mine.parameters}
+    if not late and not any(_apart(size, sizes[key]) for key, size in mine.parameters.items()):
         return None
     return Deviation(robot.name, name, size_of(mine), _sizes(having), since)
-
-
-def _of_others(effects: Sequence[NamedEffect], parameter: str) -> list[Estimate]:
-    return [effect.parameters[parameter] for effect in effects if parameter in effect.parameters]
 
 
 def _apart(mine: Estimate, others: Sequence[Estimate]) -> bool:
@@ -193,13 +183,22 @@ def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
 
 ODD = "#B42318"  # as the page marks names
 MOST, NAMED = 6, 30  # panels; robots whose names fit below an axis
-Point = tuple[int, Estimate]  # which robot, counted from 0, and the size of its effect
 
 
 def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure | None:
     """The first parameter of each effect that more than half of the robots have; None where there is none."""
     odd = {(d.robot, d.effect) for d in found}
-    chosen = [(claim, points) for claim in _common(robots) if (points := _points(robots, claim))][:MOST]
+    judged = [robot for robot in robots if robot.judged]
+    often = Counter(claim for robot in judged for claim in robot.effects).most_common()
+    sizes: dict[Claim, dict[int, Estimate]] = {}
+    for claim, count in often:
+        having = [
+            (i, r.effects[claim].parameters.values()) for i, r in enumerate(robots) if claim in r.effects
+        ]
+        first = {i: one for i, each in having if (one := next(iter(each), None)) and math.isfinite(one.value)}
+        if 2 * count > len(judged) and count > 1 and first:
+            sizes[claim] = first
+    chosen = list(sizes.items())[:MOST]
     if not chosen:
         return None
     names = [robot.name for robot in robots]
@@ -207,7 +206,14 @@ def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure
         size = (min(12.0, 2.5 + 0.28 * len(robots)), 1.9 * len(chosen) + 0.8)
         figure, axes = panels(len(chosen), 1, size, sharex=True)
         for axis, (claim, points) in zip(axes[:, 0], chosen, strict=True):
-            _draw(axis, claim, points, [(name, claim_name(*claim)) in odd for name in names])
+            for i, each in points.items():
+                low, high = (each.value if end is None else end for end in (each.low, each.high))
+                colour = ODD if (names[i], claim_name(*claim)) in odd else INK
+                axis.plot([i, i], [low, high], color=colour, linewidth=1.2)
+                axis.plot(i, each.value, "o", color=colour, markersize=4.5)
+            axis.set_title(shortened(claim_name(*claim), 60))
+            axis.set_ylabel(named("size", next(iter(points.values())).unit))
+            axis.margins(y=0.15)
         last = axes[-1, 0]
         if len(names) <= NAMED:
             last.set_xticks(range(len(names)), [shortened(name) for name in names], rotation=60, ha="right")
@@ -215,29 +221,6 @@ def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure
             last.set_xlabel("robot, in the order of the table")
         last.set_xlim(-0.5, len(names) - 0.5)
     return figure
-
-
-def _common(robots: Sequence[Robot]) -> list[Claim]:
-    judged = [robot for robot in robots if robot.judged]
-    often = Counter(claim for robot in judged for claim in robot.effects)
-    return [claim for claim, count in often.most_common() if 2 * count > len(judged) and count > 1]
-
-
-def _points(robots: Sequence[Robot], claim: Claim) -> list[Point]:
-    having = [(i, robot.effects[claim]) for i, robot in enumerate(robots) if claim in robot.effects]
-    sizes = [(i, next(iter(effect.parameters.values()), None)) for i, effect in having]
-    return [(i, size) for i, size in sizes if size is not None and math.isfinite(size.value)]
-
-
-def _draw(axis: Axes, claim: Claim, points: Sequence[Point], odd: Sequence[bool]) -> None:
-    for i, size in points:
-        low, high = (size.value if end is None else end for end in (size.low, size.high))
-        colour = ODD if odd[i] else INK
-        axis.plot([i, i], [low, high], color=colour, linewidth=1.2)
-        axis.plot(i, size.value, "o", color=colour, markersize=4.5)
-    axis.set_title(shortened(claim_name(*claim), 60))
-    axis.set_ylabel(named("size", points[0][1].unit))
-    axis.margins(y=0.15)
 
 
 MORE = """
@@ -254,46 +237,43 @@ def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
     """The page; simulators: the base of each recording. Equal diagnoses give equal pages."""
     found = deviations(robots)
     figure = fleet_picture(robots, found)
+    differences = (
+        (Cell(d.robot, marked=True), d.effect, d.here, d.others, d.since or MISSING) for d in found
+    )
+    odd = {d.robot for d in found}
+    accounts = [
+        [robot.error]
+        if robot.diagnosis is None
+        else account_lines(account_of(robot.diagnosis, simulator=simulator or None))
+        for robot, simulator in zip(robots, simulators, strict=True)
+    ]
+    heads = ("robot", "effect", "here", "the others", "since, where")
     return page_of(
         "fleet.html.jinja",
         resource("plain.css") + MORE,
         robots=robots,
         said=headline(robots, found),
         picture=None if figure is None else data_uri(figure),
-        sheets=[differences_sheet(found), robots_sheet(robots, found)],
-        accounts=[(r.name, _account(r, simulator)) for r, simulator in zip(robots, simulators, strict=True)],
+        sheets=[
+            sheet("What differs", heads, differences, labels=5, note=NOTE),
+            sheet(
+                "Every robot",
+                ("robot", "verdict", "explained", "effects"),
+                (_robot(robot, robot.name in odd) for robot in robots),
+                labels=4,
+            ),
+        ],
+        accounts=list(zip((robot.name for robot in robots), accounts, strict=True)),
     )
 
 
-def differences_sheet(found: Sequence[Deviation]) -> Sheet:
-    """A row a difference."""
-    rows = ((Cell(d.robot, marked=True), d.effect, d.here, d.others, d.since or MISSING) for d in found)
-    columns = ("robot", "effect", "here", "the others", "since, where")
-    return sheet("What differs", columns, rows, labels=5, note=NOTE)
-
-
-def robots_sheet(robots: Sequence[Robot], found: Sequence[Deviation]) -> Sheet:
-    """A row a robot."""
-    odd = {d.robot for d in found}
-    rows = (_robot(robot, robot.name in odd) for robot in robots)
-    return sheet("Every robot", ("robot", "verdict", "explained", "effects"), rows, labels=4)
-
-
-def _robot(robot: Robot, odd: bool) -> tuple[Cell, ...]:
+def _robot(robot: Robot, odd: bool) -> tuple[Cell | str, ...]:
     found = robot.diagnosis
     if found is None:
-        return row(Cell(robot.name, marked=True), Cell("failed", marked=True), MISSING, robot.error)
+        return Cell(robot.name, marked=True), Cell("failed", marked=True), MISSING, robot.error
     share = found.explained.rollout.share if found.explained.rollout is not None else None
     effects = [
         " ".join(filter(None, (effect_name(e), size_of(e), gate_text(e, found.dt))))
         for e in told_effects(found)[0]
     ]
-    return row(
-        Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "\n".join(effects) or MISSING
-    )
-
-
-def _account(robot: Robot, simulator: str) -> list[str]:
-    if robot.diagnosis is None:
-        return [robot.error]
-    return account_lines(account_of(robot.diagnosis, simulator=simulator or None))
+    return Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "\n".join(effects) or MISSING

@@ -8,20 +8,23 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from matplotlib.colors import to_rgb
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.recordings import start_times
-from gpsim.reports.foxglove_scene import scene, transform
-from gpsim.reports.scene import REAL, Frame, Shown
+from gpsim.reports.scene import COLOURS, REAL, STRAIGHT, WORLD, Body, Frame, Shape, Shown, Turn, Vector
 from gpsim.traces import Along
 
 NUMBER, TEXT, FLAG = "number", "string", "boolean"
+SOLID, GHOST = 1.0, 0.65  # what was measured, and what is said of it
 
 Frames = Mapping[str, Mapping[str, Frame]]
 """Motion -> part of the body -> where it is."""
@@ -30,44 +33,24 @@ Frames = Mapping[str, Mapping[str, Frame]]
 def write_foxglove(shown: Shown, path: Path) -> int:
     """Write the MCAP; returns the number of messages. Equal content gives equal bytes."""
     with path.open("wb") as stream:
-        out = _File(stream)
-        out.schemas(shown)
-        for stamp, topic, message in _messages(shown):
-            out.write(stamp, topic, message)
-        out.finish(shown.facts)
-        return out.count
-
-
-class _File:
-    """Topics of JSON numbers, whose schemas are told before, and of Foxglove's messages."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self._writer, self._topics, self.count = Writer(stream), dict[str, int](), 0
-        self._writer.start(library="gpsim")
-
-    def schemas(self, shown: Shown) -> None:
-        """Tell what every plain topic holds."""
-        for topic, fields in _fields(shown).items():
+        writer, topics, count = Writer(stream), dict[str, int](), 0
+        writer.start(library="gpsim")
+        for topic, fields in _fields(shown).items():  # what every topic of plain JSON holds is told before
             name = f"gpsim.{topic.rpartition('/')[2].capitalize()}"
             known = {field: {"type": kind, "description": text} for field, (kind, text) in fields.items()}
             content = json.dumps({"title": name, "type": "object", "properties": known}).encode()
-            schema = self._writer.register_schema(name, SchemaEncoding.JSONSchema, content)
-            self._topics[topic] = self._writer.register_channel(topic, MessageEncoding.JSON, schema)
-
-    def write(self, stamp: int, topic: str, message: Any) -> None:
-        """A mapping as JSON, everything else as the protobuf message that it is. stamp: ns."""
-        if topic not in self._topics:
-            schema = register_schema(self._writer, type(message))
-            self._topics[topic] = self._writer.register_channel(topic, MessageEncoding.Protobuf, schema)
-        plain = isinstance(message, dict)
-        data = json.dumps(message).encode() if plain else message.SerializeToString(deterministic=True)
-        self._writer.add_message(self._topics[topic], stamp, data, stamp)
-        self.count += 1
-
-    def finish(self, facts: Mapping[str, str]) -> None:
-        """The metadata and the index."""
-        self._writer.add_metadata("gpsim", dict(facts))
-        self._writer.finish()  # type: ignore[no-untyped-call]
+            schema = writer.register_schema(name, SchemaEncoding.JSONSchema, content)
+            topics[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema)
+        for count, (stamp, topic, message) in enumerate(_messages(shown), start=1):  # noqa: B007
+            if topic not in topics:
+                schema = register_schema(writer, type(message))
+                topics[topic] = writer.register_channel(topic, MessageEncoding.Protobuf, schema)
+            plain = isinstance(message, dict)
+            data = json.dumps(message).encode() if plain else message.SerializeToString(deterministic=True)
+            writer.add_message(topics[topic], stamp, data, stamp)
+        writer.add_metadata("gpsim", dict(shown.facts))
+        writer.finish()  # type: ignore[no-untyped-call]
+        return count
 
 
 def _fields(shown: Shown) -> dict[str, dict[str, tuple[str, str]]]:
@@ -147,3 +130,75 @@ def _rows(names: Sequence[str], table: FloatArray) -> Iterable[dict[str, float]]
     finite = np.isfinite(table)
     for row, known in zip(table.tolist(), finite, strict=True):
         yield {name: value for name, value, ok in zip(names, row, known, strict=True) if ok}
+
+
+def transform(name: str, frame: Frame, row: int, model: str, stamp: int) -> FrameTransform:
+    """Where a part of a model's body is at one of its moments. stamp: ns."""
+    message = FrameTransform(
+        parent_frame_id=_id(frame.parent, model),
+        child_frame_id=_id(name, model),
+        translation=_named(frame.position[row].tolist()),
+        rotation=_named(frame.turn[row].tolist()),
+    )
+    message.timestamp.FromNanoseconds(stamp)
+    return message
+
+
+def scene(body: Body, models: Sequence[str], stamp: int, path: FloatArray) -> SceneUpdate:
+    """The bodies of all models, each locked to its own frame, and the path (N, 2) [m] that the first one takes."""
+    update = SceneUpdate()
+
+    def entity_in(frame: str, name: str) -> Any:
+        entity = update.entities.add(frame_id=frame, id=name, frame_locked=True)
+        entity.timestamp.FromNanoseconds(stamp)
+        return entity
+
+    for model in models:
+        for frame in dict.fromkeys(shape.frame for shape in body.shapes):
+            entity = entity_in(_id(frame, model), _id(frame, model))
+            for shape in (s for s in body.shapes if s.frame == frame):
+                _add(entity, shape, _colour(model, SOLID if model == models[0] else GHOST))
+    if body.path:
+        entity_in(WORLD, f"{models[0]}/path").lines.add(  # a strip
+            pose=_pose((0.0, 0.0, 0.0), STRAIGHT),
+            thickness=2.0,
+            scale_invariant=True,
+            color=_colour(models[0], SOLID),
+            points=[{"x": x, "y": y, "z": 0.0} for x, y in path.tolist()],
+        )
+    return update
+
+
+def _add(entity: Any, shape: Shape, colour: dict[str, float]) -> None:
+    both: dict[str, Any] = {"pose": _pose(shape.centre, shape.turn), "color": colour}
+    x, y, _ = shape.size
+    if shape.kind == "cube":
+        entity.cubes.add(**both, size=_named(shape.size))
+    elif shape.kind == "sphere":
+        entity.spheres.add(**both, size=_named(shape.size))
+    elif shape.kind == "cylinder":
+        entity.cylinders.add(**both, size=_named(shape.size), bottom_scale=1.0, top_scale=1.0)
+    elif shape.triangles is not None:
+        entity.triangles.add(**both, points=list(map(_named, shape.triangles.reshape(-1, 3).tolist())))
+    else:
+        shaft = {"shaft_length": 0.6 * x, "shaft_diameter": y}
+        entity.arrows.add(**both, **shaft, head_length=0.4 * x, head_diameter=2 * y)
+
+
+def _id(part: str, model: str) -> str:
+    """The frame of a model's part; the world is everybody's."""
+    return WORLD if part == WORLD else f"{model}/{part}" if part else model
+
+
+def _pose(centre: Vector, turn: Turn) -> dict[str, dict[str, float]]:
+    return {"position": _named(centre), "orientation": _named(turn)}
+
+
+def _named(parts: Iterable[float]) -> Any:
+    """Of a place x, y and z, of a turn w too."""
+    return dict(zip("xyzw", parts, strict=False))
+
+
+def _colour(model: str, alpha: float) -> dict[str, float]:
+    red, green, blue = to_rgb(COLOURS[model])
+    return {"r": red, "g": green, "b": blue, "a": alpha}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,9 +26,9 @@ from gpsim.reports.canvas import (
     style,
 )
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
-from gpsim.reports.model_sheets import coverage_levels, data_of, rates, scores
+from gpsim.reports.loop_sheets import coverage_levels, data_of, rates, scores
 from gpsim.reports.quantities import shortened
-from gpsim.reports.sheets import significant, unit
+from gpsim.reports.sheets import significant
 from gpsim.residuals import Residuals
 
 BINS = 16
@@ -34,13 +37,10 @@ NEAREST = 0.25
 
 
 def residual_slices(
-    residuals: Residuals, correction: GpCorrection, rows: IntArray, *, points: int = 401
+    residuals: Residuals, correction: GpCorrection, rows: IntArray
 ) -> dict[str, ResidualSlice]:
     """One slice per rate, each along its most telling input; rows: those that the GP was conditioned on."""
-    return {
-        name: residual_slice(residuals, correction, rows, name, points=points)
-        for name in residuals.rate.names
-    }
+    return {name: residual_slice(residuals, correction, rows, name) for name in residuals.rate.names}
 
 
 def residual_slice(
@@ -48,7 +48,6 @@ def residual_slice(
     correction: GpCorrection,
     rows: IntArray,
     rate: str,
-    *,
     channel: str | None = None,
     points: int = 401,
 ) -> ResidualSlice:
@@ -57,7 +56,7 @@ def residual_slice(
     A median is a value that occurs, so that an action stays one that can be taken. The grid steps over zero
     in no width at all: an input that jumps there shows as a jump and not as a slope.
     """
-    column = residuals.rate.index(rate)
+    names, column = residuals.channels.names, residuals.rate.index(rate)
     inputs, targets = residuals.inputs[rows], residuals.values[rows, column]
     along = most_telling(inputs, targets) if channel is None else residuals.channels.index(channel)
     middle = np.quantile(inputs, 0.5, axis=0, method="closest_observation")
@@ -67,11 +66,10 @@ def residual_slice(
     mean, variance = correction.predictor.mean_and_variance(correction.features(line))
     predicted = correction.predictor.mean(correction.features(inputs))[:, column]
     noise = correction.predictor.noise_variances[column]
-    others = [name for i, name in enumerate(residuals.channels.names) if i != along]
     return ResidualSlice(
         rate=rate,
-        channel=residuals.channels.names[along],
-        at={name: float(middle[residuals.channels.index(name)]) for name in others},
+        channel=names[along],
+        at={name: float(middle[i]) for i, name in enumerate(names) if i != along},
         grid=grid,
         mean=mean[:, column],
         observed_std=np.sqrt(variance[:, column] + noise),
@@ -152,20 +150,17 @@ def figure_residual_slices(report: LoopReport) -> Figure | None:
 def _residual(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     _points(axis, cut, cut.point_residuals)
     half = DEVIATIONS * cut.observed_std
-    axis.fill_between(
-        cut.grid, cut.mean - half, cut.mean + half, color=BAND, alpha=0.7, linewidth=0, label="GP, ±2 std"
-    )
+    band: dict[str, Any] = {"color": BAND, "alpha": 0.7, "linewidth": 0, "label": "GP, ±2 std"}
+    axis.fill_between(cut.grid, cut.mean - half, cut.mean + half, **band)
     axis.plot(cut.grid, cut.mean, color=GP, linewidth=1.8, label="GP, mean", zorder=3)
-    axis.set_ylabel(f"residual of {named(cut.rate, unit(report.units.get(cut.rate, '')), LABEL)}")
+    axis.set_ylabel(f"residual of {named(cut.rate, report.unit(cut.rate), LABEL)}")
     others = (
-        f"{shortened(name, AT)} = {significant(value, 2)} {shortened(unit(report.units.get(name, '')), LONGEST_UNIT)}"
+        f"{shortened(name, AT)} = {significant(value, 2)} {shortened(report.unit(name), LONGEST_UNIT)}".strip()
         for name, value in cut.at.items()
     )
     axis.set_title(shortened(cut.rate), pad=19)
-    held = axis.annotate(
-        "slice at " + ", ".join(text.strip() for text in others), (0.0, 1.0), (0.0, 5.0), fontsize=7.8, color=FAINT,
-        xycoords="axes fraction", textcoords="offset points",
-    )  # fmt: skip
+    look: Any = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": 7.8, "color": FAINT}
+    held = axis.annotate("slice at " + ", ".join(others), (0.0, 1.0), (0.0, 5.0), **look)
     held.set_in_layout(False)
 
 
@@ -174,71 +169,57 @@ def _left(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     half = DEVIATIONS * cut.observed_std
     axis.fill_between(cut.grid, -half, half, color=BAND, alpha=0.7, linewidth=0)
     axis.axhline(0.0, color=GP, linewidth=1.4)
-    axis.set_ylabel(f"left by the mean\n[{shortened(unit(report.units.get(cut.rate, '-')), LONGEST_UNIT)}]")
+    axis.set_ylabel(f"left by the mean\n[{shortened(report.unit(cut.rate, '-'), LONGEST_UNIT)}]")
     axis.set_xlim(cut.grid[0], cut.grid[-1])
-    axis.set_xlabel(named(cut.channel, unit(report.units.get(cut.channel, ""))))
+    axis.set_xlabel(named(cut.channel, report.unit(cut.channel)))
 
 
 def _points(axis: Axes, cut: ResidualSlice, values: np.ndarray) -> None:
-    far = ~cut.near
-    axis.plot(
-        cut.point_inputs[far],
-        values[far],
-        "o",
-        color=FAINT,
-        alpha=0.25,
-        markersize=3.5,
-        markeredgewidth=0,
-        label="training points",
-    )
-    axis.plot(
-        cut.point_inputs[cut.near], values[cut.near], "o", color=INK, markersize=4, markeredgewidth=0, zorder=4,
-        label="the quarter nearest the slice",
-    )  # fmt: skip
+    far: dict[str, Any] = {"color": FAINT, "alpha": 0.25, "markersize": 3.5, "label": "training points"}
+    near: dict[str, Any] = {
+        "color": INK,
+        "markersize": 4,
+        "zorder": 4,
+        "label": "the quarter nearest the slice",
+    }
+    for shown, look in ((~cut.near, far), (cut.near, near)):
+        axis.plot(cut.point_inputs[shown], values[shown], "o", markeredgewidth=0, **look)
 
 
 def figure_calibration(report: LoopReport) -> Figure | None:
     """Nominal against covered share, a panel per driver of the target. None where nothing was scored."""
     levels = coverage_levels(report)
-    drivers = [
-        key
+    covered = {
+        key: {rate: found for rate in rates(report) if (found := scores(report, key, rate).get("coverage"))}
         for key in data_of(report)
-        if any(scores(report, key, rate).get("coverage") for rate in rates(report))
-    ]
+    }
+    drivers = [key for key, found in covered.items() if found]
     if not levels or not drivers:
         return None
     with style():
         figure, axes = panels(1, len(drivers), (11.0, 3.4), sharey=True)
         for axis, key in zip(axes[0], drivers, strict=True):
-            _coverage(axis, report, key, levels)
+            _coverage(axis, covered[key], levels)
+            axis.set_title(data_of(report)[key][0].upper() + data_of(report)[key][1:])
         axes[0, 0].set_ylabel("covered [%]")
         axes[0, -1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return figure
 
 
-def _coverage(axis: Axes, report: LoopReport, key: str, levels: list[str]) -> None:
+def _coverage(axis: Axes, covered: Mapping[str, Mapping[str, float]], levels: list[str]) -> None:
     """Bars beside the nominal share, as three levels make no curve."""
-    known_rates = [rate for rate in rates(report) if scores(report, key, rate).get("coverage")]
-    width = 0.7 / max(1, len(known_rates))
-    for index, rate in enumerate(known_rates):
-        covered = scores(report, key, rate)["coverage"]
-        heights = [100.0 * float(covered.get(level, np.nan)) for level in levels]
-        at = np.arange(len(levels)) + (index - (len(known_rates) - 1) / 2) * width
-        axis.bar(
-            at, heights, 0.92 * width, color=RATES[index % len(RATES)], alpha=0.85, label=legend_label(rate)
-        )
+    width = 0.7 / max(1, len(covered))
+    for index, (rate, shares) in enumerate(covered.items()):
+        heights = [100.0 * float(shares.get(level, np.nan)) for level in levels]
+        at = np.arange(len(levels)) + (index - (len(covered) - 1) / 2) * width
+        tint = RATES[index % len(RATES)]
+        axis.bar(at, heights, 0.92 * width, color=tint, alpha=0.85, label=legend_label(rate))
         for x, height in zip(at, heights, strict=True):
             if np.isfinite(height):
                 axis.annotate(f"{height:.0f}", (x, 3.0), ha="center", va="bottom", fontsize=9, color="white")
     for index, level in enumerate(levels):
-        axis.plot(
-            [index - 0.42, index + 0.42],
-            [100.0 * float(level)] * 2,
-            color=INK,
-            linewidth=1.6,
-            label="nominal" if index == 0 else None,
-        )
+        ends, share = [index - 0.42, index + 0.42], [100.0 * float(level)] * 2
+        axis.plot(ends, share, color=INK, linewidth=1.6, label="nominal" if index == 0 else None)
     axis.set_xticks(range(len(levels)), [f"{100.0 * float(level):g} % interval" for level in levels])
     axis.set_ylim(0.0, 112.0)
-    axis.set_title(data_of(report)[key][0].upper() + data_of(report)[key][1:])
     axis.grid(visible=False, axis="x")

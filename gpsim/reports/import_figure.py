@@ -31,20 +31,17 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
 
 
 def _drawn(recording: Recording, title: str) -> Figure:
-    starts = _starts(recording)
-    names = [*recording.state.names, *recording.action.names]
-    height = 1.0 + 1.25 * len(names)
-    figure = Figure(figsize=(10.0, height), layout="constrained")
+    channels = [*recording.state, *recording.action]
+    figure = Figure(figsize=(10.0, 1.0 + 1.25 * len(channels)), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    units = {**recording.state.units, **recording.action.units}
-    for row, (name, panel) in enumerate(zip(names, panels, strict=True)):
+    panels = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+    starts = _starts(recording)
+    for row, (channel, panel) in enumerate(zip(channels, panels, strict=True)):
         _panel(panel, recording, starts, row)
-        label = f"{shortened(name)}\n[{shortened(units[name], LONGEST_UNIT)}]"
+        label = f"{shortened(channel.name)}\n[{shortened(channel.unit, LONGEST_UNIT)}]"
         panel.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=9)
-    panels[-1].set_xlabel(
-        "time [s]" if recording.clock == "session" else "time [s], episodes one after the other"
-    )
+    one_clock = recording.clock == "session"
+    panels[-1].set_xlabel("time [s]" if one_clock else "time [s], episodes one after the other")
     what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
     figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
     return figure
@@ -54,28 +51,37 @@ def _starts(recording: Recording) -> FloatArray:
     """Where each episode's clock begins in the picture [s]."""
     if recording.clock == "session":
         return np.zeros(len(recording.episodes))
-    lengths = np.array([e.t[-1] - e.t[0] for e in recording.episodes])
-    firsts = np.array([e.t[0] for e in recording.episodes])
+    firsts, lasts = np.array([(e.t[0], e.t[-1]) for e in recording.episodes]).T
+    lengths = lasts - firsts
     space = 0.01 * lengths.sum() / len(lengths) if len(lengths) > 1 else 0.0
     return np.asarray(np.concatenate([[0.0], np.cumsum(lengths + space)[:-1]]) - firsts, dtype=np.float64)
 
 
 def _panel(panel: Axes, recording: Recording, starts: FloatArray, row: int) -> None:
-    states = len(recording.state)
+    states, held = len(recording.state), recording.held_out
     low, high = np.inf, -np.inf
     for index, (episode, start) in enumerate(zip(recording.episodes, starts, strict=True)):
         t = episode.t + start
-        _shade_held_out(panel, recording, index, start)
+        first, last = float(episode.t[0]), float(episode.t[-1])
+        if held is not None and held.episodes_from is not None:
+            first = first if index >= held.episodes_from else last
+        elif held is not None and held.time_from is not None:
+            first = min(max(first, held.time_from), last)
+        if held is not None and first < last:
+            panel.axvspan(first + start, last + start, color=HELD_COLOUR, linewidth=0, zorder=0)
         if index and len(recording.episodes) <= 60:
             panel.axvline(float(t[0]), color="#999999", linewidth=0.5, zorder=0.5)
         if row < states:
             values = episode.states[:, row]
-            wraps = bool(recording.state.wraps[row])
-            panel.plot(*_broken(*_thinned(t, values), wraps), color=STATE_COLOUR, linewidth=0.8)
+            x, y = _thinned(t, values)
+            if recording.state.wraps[row]:  # interrupted there, so that no line crosses the panel
+                jumps = np.flatnonzero(np.abs(np.diff(y)) > np.pi) + 1
+                x, y = np.insert(x, jumps, x[jumps]), np.insert(y, jumps, np.nan)
+            panel.plot(x, y, color=STATE_COLOUR, linewidth=0.8)
         else:
             values = episode.actions[:, row - states]
-            x, y = np.repeat(t, 2)[1:-1], np.repeat(values, 2)
-            panel.plot(*_thinned(x, y), color=ACTION_COLOUR, linewidth=0.8)
+            steps = _thinned(np.repeat(t, 2)[1:-1], np.repeat(values, 2))
+            panel.plot(*steps, color=ACTION_COLOUR, linewidth=0.8)
         if len(values):
             low, high = min(low, float(values.min())), max(high, float(values.max()))
     margin = 0.08 * (high - low) or 0.1 * (abs(high) or 1.0)
@@ -83,25 +89,6 @@ def _panel(panel: Axes, recording: Recording, starts: FloatArray, row: int) -> N
     panel.margins(x=0.005)
     panel.tick_params(labelsize=8)
     panel.spines[["top", "right"]].set_visible(False)
-
-
-def _shade_held_out(panel: Axes, recording: Recording, index: int, start: float) -> None:
-    held, episode = recording.held_out, recording.episodes[index]
-    if held is None:
-        return
-    first, last = float(episode.t[0]), float(episode.t[-1])
-    if held.episodes_from is not None:
-        first = first if index >= held.episodes_from else last
-    elif held.time_from is not None:
-        first = min(max(first, held.time_from), last)
-    if first < last:
-        panel.axvspan(first + start, last + start, color=HELD_COLOUR, linewidth=0, zorder=0)
-
-
-def _broken(t: FloatArray, values: FloatArray, wraps: bool) -> tuple[FloatArray, FloatArray]:
-    """An angle's curve interrupted where it wraps, so that no line crosses the panel."""
-    jumps = np.flatnonzero(np.abs(np.diff(values)) > np.pi) + 1 if wraps else np.zeros(0, dtype=np.int64)
-    return np.insert(t, jumps, t[jumps]), np.insert(values, jumps, np.nan)
 
 
 def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -13,25 +13,27 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.recordings import Guess, ImportReport, Inspection, Statistics, Topic, TopicCount, listed
-from gpsim.reports.sheets import literal, printable
+from gpsim.reports.sheets import literal
 from gpsim.simulators import SIMULATORS
 
-OPEN = "COLUMN"
-"""What stands in a proposed command where only a person knows."""
-OF_THE_LOG = ("t", "dt", "files")
-"""What is said of a log whatever it is compared with."""
+OPEN = "COLUMN"  # what stands in a proposed command where only a person knows
+OF_THE_LOG = ("t", "dt", "files")  # what is said of a log whatever it is compared with
 MOST = 12  # candidates that a line lists
+LISTED = 40  # episodes listed one by one; longer recordings are summed up
+MOST_FIELDS = 16  # of a topic that are listed
+DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
 
 
 def told(found: Guess, path: str, own: Mapping[str, tuple[float, str]]) -> list[str]:
     """A line on what was taken for what, and one on parameters that nobody gave (`own`: value and unit)."""
-    path = PurePath(shlex.split(path)[0]).name
-    said = ", ".join(f"{name} from {source}{_unit(found, name)}" for name, source in found.taken.items())
-    lines = [
-        f"{path}: read as {found.system.name}: {said}; to change it: CHANNEL=SOURCE, as {_example(found)}"
-    ]
-    lines += [f"{path}: {remark}" for remark in found.remarks]
-    lines += [f"{path}: {line}" for line in _switched(found)]
+    path, units = PurePath(shlex.split(path)[0]).name, _units(found)
+    taken = (
+        f"{n} from {source}{f' [{units[n]}]' if n in units else ''}" for n, source in found.taken.items()
+    )
+    said = (
+        f"read as {found.system.name}: {', '.join(taken)}; to change it: CHANNEL=SOURCE, as {_example(found)}"
+    )
+    lines = [f"{path}: {line}" for line in (said, *found.remarks, *_switched(found))]
     if own:
         values = ", ".join(f"{name} {value:g} {unit}".rstrip() for name, (value, unit) in own.items())
         first = next(iter(own))
@@ -47,9 +49,8 @@ def _switched(found: Guess) -> list[str]:
     return [f"{source} may say when the motors were on; if so, add {words}"]
 
 
-def _unit(found: Guess, name: str) -> str:
-    units = {**found.system.state.units, **found.system.action.units}
-    return f" [{units[name]}]" if name in units else ""
+def _units(found: Guess) -> dict[str, str]:
+    return {**found.system.state.units, **found.system.action.units}
 
 
 def _example(found: Guess) -> str:
@@ -85,12 +86,15 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
     looks = "" if typed.named or unknown else f" that looks like one of {found.system.name}"
     line = f"{name}: a raw log{looks}; say what is what: {_proposed(typed, found, unknown)}"
     if unknown:
-        line += f"; columns: {listed(columns)}; NAME and its channels: {_simulators()}"
+        made = [SIMULATORS[name]() for name in SIMULATORS]
+        each = ", ".join(f"{s.name} ({', '.join([*s.state.names, *s.action.names])})" for s in made)
+        line += f"; columns: {listed(columns)}; NAME and its channels: {each}, or your own: FILE.py:ClassName"
     else:
-        line += f"{_questions(found)} ({_units(found)}; a factor may stand before a source: {_example(found)}"
+        units = ", ".join(f"{name} in {unit}" for name, unit in _units(found).items() if unit)
+        line += f"{_questions(found)} ({units}; a factor may stand before a source: {_example(found)}"
         others = ", ".join(n for n in SIMULATORS if n != found.system.name)
         line += ")" if typed.named else f"; other simulators: {others}, your own: FILE.py:ClassName)"
-    line += "".join(f"; {said}" for said in ([] if unknown else _switched(found)))
+        line += "".join(f"; {said}" for said in _switched(found))
     line += f"; if it is the public set {ready[0]}: --mapping {ready[0]} instead" if ready else ""
     inspect = f"; gpsim import --inspect {typed.path} shows what is inside, and proposes a --mapping to edit"
     return line + (inspect if typed.tail else "")
@@ -110,55 +114,39 @@ def _proposed(typed: Asking, found: Guess, unknown: bool) -> str:
 
 def _questions(found: Guess) -> str:
     """What only a person can tell, with the candidates: channels that have the same ones together."""
+
+    def candidates(names: Sequence[str]) -> str:
+        return listed(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
+
     line = ""
     alike: dict[tuple[str, ...], list[str]] = {}
     for name, names in found.missing.items():
         alike.setdefault(tuple(names), []).append(name)
-    for candidates, channels in alike.items():
-        line += f"; {', '.join(channels)}: of {_candidates(candidates)}"
+    for several, channels in alike.items():
+        line += f"; {', '.join(channels)}: of {candidates(several)}"
     for name, names in found.unclear.items():
         others = [other for other in names if other != found.taken.get(name)]
         line += f"; {name} is {found.taken.get(name)}"
-        line += f", or {_candidates(others)}" if others else " by its name alone"
+        line += f", or {candidates(others)}" if others else " by its name alone"
     actions = [name for name in found.system.action.names if name in found.missing]
     return line + (f"; {actions[0]}=none where there was no command" if actions else "")
 
 
-def _simulators() -> str:
-    """Every simulator with its channels."""
-    made = [SIMULATORS[name]() for name in SIMULATORS]
-    said = [f"{s.name} ({', '.join([*s.state.names, *s.action.names])})" for s in made]
-    return f"{', '.join(said)}, or your own: FILE.py:ClassName"
-
-
-def _candidates(names: Sequence[str]) -> str:
-    return listed(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
-
-
-def _units(found: Guess) -> str:
-    units = {**found.system.state.units, **found.system.action.units}
-    return ", ".join(f"{name} in {unit}" for name, unit in units.items() if unit)
-
-
-LISTED = 40  # episodes listed one by one; longer recordings are summed up
-MOST_FIELDS = 16  # of a topic that are listed
-_DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
-
-
 def render(report: ImportReport) -> RenderableType:
     """The report for a terminal."""
-    parts: list[RenderableType] = [_topic_table(report.summed()), Text(""), _episode_table(report)]
     lines = [f"rate: {report.rate}", *_lag_lines(report), *report.notes]
-    parts += [Text(""), *map(literal, lines)]
-    return Group(*parts, *(literal(f"warning: {line}", style="yellow") for line in report.warnings))
+    return Group(
+        *(_topic_table(report.summed()), Text(""), _episode_table(report), Text("")),
+        *map(literal, lines),
+        *(literal(f"warning: {line}", style="yellow") for line in report.warnings),
+    )
 
 
 def as_text(report: ImportReport, width: int = 110) -> str:
     """The same report as plain text."""
-    console = Console(file=StringIO(), width=width, color_system=None, force_terminal=False)
-    console.print(render(report))
-    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+    file = StringIO()
+    Console(file=file, width=width, color_system=None, force_terminal=False).print(render(report))
+    return "\n".join(line.rstrip() for line in file.getvalue().splitlines()) + "\n"
 
 
 def _table(
@@ -184,11 +172,9 @@ def _topic_table(counts: Sequence[TopicCount]) -> Table:
         if count.delay is not None:
             middle, low, high = (1e3 * value for value in count.delay)
             odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
-        table.add_row(
-            literal(count.name), literal(count.clock),
-            str(count.read), str(count.kept), str(sum(count.dropped.values())),
-            literal(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
-        )  # fmt: skip
+        numbers = (count.read, count.kept, sum(count.dropped.values()))
+        remarks = ", ".join(why) + (" " if why and odd else "") + " ".join(odd)
+        table.add_row(literal(count.name), literal(count.clock), *map(str, numbers), literal(remarks))
     return table
 
 
@@ -202,17 +188,18 @@ def _episode_table(report: ImportReport) -> RenderableType:
     table = _table(title, ("episode", "from"), ("start [s]", "duration [s]", "transitions"))
     table.columns[0].overflow = "ellipsis"
     for e in episodes:
-        table.add_row(
-            literal(e.name), literal(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions)
-        )
+        numbers = (f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions))
+        table.add_row(literal(e.name), literal(e.source), *numbers)
     return table
 
 
 def _lag_lines(report: ImportReport) -> list[str]:
     lines = []
     for lag in report.lags:
-        when = f"follows {1e3 * lag.lag:.0f} ms later"
-        why = "clock offset and the system's own delay together"
+        when, why = (
+            f"follows {1e3 * lag.lag:.0f} ms later",
+            "clock offset and the system's own delay together",
+        )
         if lag.lag < 0:
             when = f"leads by {-1e3 * lag.lag:.0f} ms"
             why = "the command follows the state (feedback), or its stamps are late"
@@ -233,41 +220,35 @@ def render_inspection(found: Inspection) -> RenderableType:
     numbers = ("count", "Hz", "gaps", "from [s]", "to [s]")
     table = _table(literal(found.name), ("topic", "type"), numbers, "noticed", no_wrap=True)
     for topic in found.topics:
-        cells = [literal(topic.name), literal(topic.type.split("/")[-1]), literal(str(topic.count))]
-        table.add_row(*cells, *(literal(cell) for cell in _pace_cells(found.paces.get(topic.name))))
-    fields = [literal(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
-    more = [literal(f"and {found.others} more log(s) in this folder")] if found.others else []
-    more += [Text(printable(line), style="yellow") for line in ("", *_fault_lines(found.faults))]
-    more += [literal("")] if found.faults else []
-    ready = [f"--mapping {name} comes with gpsim and finds all it wants here" for name in found.ready]
+        cells = (topic.name, topic.type.split("/")[-1], str(topic.count), *_pace(found.paces.get(topic.name)))
+        table.add_row(*map(literal, cells))
+    faults: dict[str, list[str]] = {}  # one line a reason, with the topics that it keeps from being read
+    for name, reason in found.faults.items():
+        faults.setdefault(reason, []).append(name)
+    unread = [f"cannot be read: {', '.join(names)} ({reason})" for reason, names in faults.items()]
     return Group(
-        table, *more, literal("numeric fields"), *fields, literal(""), *(literal(line) for line in ready)
+        table,
+        *([literal(f"and {found.others} more log(s) in this folder")] if found.others else []),
+        *(literal(line, style="yellow") for line in ("", *unread)),
+        *([literal("")] if faults else []),
+        literal("numeric fields"),
+        *(literal(f"  {topic.name}: {_fields(topic)}") for topic in found.topics if topic.fields),
+        literal(""),
+        *(literal(f"--mapping {name} comes with gpsim and finds all it wants here") for name in found.ready),
     )
 
 
-def _fault_lines(faults: Mapping[str, str]) -> list[str]:
-    """One line a reason, with the topics that it keeps from being read."""
-    topics: dict[str, list[str]] = {}
-    for name, reason in faults.items():
-        topics.setdefault(reason, []).append(name)
-    return [f"cannot be read: {', '.join(names)} ({reason})" for reason, names in topics.items()]
-
-
-def _pace_cells(pace: Statistics | None) -> list[str]:
+def _pace(pace: Statistics | None) -> list[str]:
     if pace is None:
         return ["-", "-", "-", "-", ""]
     noticed = [f"longest gap {pace.gaps[0][1]:.3g} s"] if pace.gaps else []
     noticed += [f"{pace.duplicates} duplicates"] if pace.duplicates else []
     noticed += [f"{pace.backwards} steps back"] if pace.backwards else []
-    rate = f"{pace.rate:.4g}" if pace.rate else "-"
-    return [rate, str(len(pace.gaps)), _seconds(pace.start), _seconds(pace.end), ", ".join(noticed)]
+    ends = ("-" if value is None else f"{value:.3f}" for value in (pace.start, pace.end))
+    return [f"{pace.rate:.4g}" if pace.rate else "-", str(len(pace.gaps)), *ends, ", ".join(noticed)]
 
 
-def _shown(topic: Topic) -> str:
-    names = [n for n in topic.fields if not any(part in n for part in _DULL)]
+def _fields(topic: Topic) -> str:
+    names = [n for n in topic.fields if not any(part in n for part in DULL)]
     rest = f" ... ({len(names) - MOST_FIELDS} more)" if len(names) > MOST_FIELDS else ""
     return ", ".join(names[:MOST_FIELDS]) + rest
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"

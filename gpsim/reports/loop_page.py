@@ -1,12 +1,16 @@
-"""The report as one self-contained HTML page: style and figures inside, no network, no scripts, no dates."""
+"""The report of a loop as one self-contained HTML page and as tables for the terminal: the same sheets in both.
+
+A figure is a function of the report and an entry of FIGURES; the template says where it stands and what it shows.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from textwrap import fill
 from typing import Any
 
+from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -19,25 +23,46 @@ from gpsim.reports.loop_figures import (
     figure_learning_curves,
     figure_returns,
     figure_rollouts,
+    figure_steps,
+    figure_trips,
 )
-from gpsim.reports.loop_report import LoopReport, printed_table
-from gpsim.reports.loop_sheets import cards, paragraph, return_sheets, success_sheets
-from gpsim.reports.model_sheets import (
+from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.loop_sheets import (
     calibration_sheet,
+    cards,
     fit_sheet,
     gp_warnings,
     one_step_sheet,
+    paragraph,
     rates,
+    return_sheets,
     rollout_sheet,
     scale_sheet,
+    success_sheets,
 )
-from gpsim.reports.sheets import Cell, Sheet, printable
-from gpsim.reports.trip_figures import figure_steps, figure_trips
+from gpsim.reports.sheets import Cell, Sheet, literal, printable
+
+HEADER = (
+    12  # characters a line of a column's head may hold: heads must not make a table wider than a terminal
+)
+FIGURES: Mapping[str, Callable[[LoopReport], Figure | None]] = {
+    "trips": figure_trips,
+    "steps": figure_steps,
+    "returns": figure_returns,
+    "slices": figure_residual_slices,
+    "calibration": figure_calibration,
+    "rollouts": figure_rollouts,
+    "divergence": figure_divergence,
+    "learning": figure_learning_curves,
+    "rounds": figure_expert_rounds,
+}
+"""By their keys in the template."""
 
 
 def render(report: LoopReport) -> str:
     """The page; equal reports give equal pages."""
     colour = colours([*report.policies, *report.rollouts])
+    drawn = {key: make(report) for key, make in FIGURES.items()}
     return page_of(
         "loop_report.html.jinja",
         resource("loop_report.css") + _tints(colour),
@@ -53,31 +78,30 @@ def render(report: LoopReport) -> str:
         fit=fit_sheet(report),
         scales=scale_sheet(report),
         warnings=gp_warnings(report),
-        pictures=_pictures(report),
-        settings=list(settings(report.settings)),
-        diagnosed_by=_diagnosed_by(report),
-        thesis_table=printed_table(report.experiment, report.system),
+        pictures={key: (data_uri(f), _shown(report, key)) for key, f in drawn.items() if f is not None},
+        settings=list(_settings(report.settings)),
     )
 
 
-def settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def _shown(report: LoopReport, picture: str) -> list[str]:
+    """Names of channels and rates that a picture holds, of which long ones are shortened."""
+    names = {
+        "slices": [name for cut in report.slices.values() for name in (cut.rate, cut.channel, *cut.at)],
+        "calibration": rates(report),
+        "rollouts": report.states,
+        "divergence": report.states,
+    }
+    return list(dict.fromkeys(names.get(picture, ())))
+
+
+def _settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """(dotted name, value) of every leaf of a configuration."""
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            yield from settings(value, f"{prefix}{key}.")
+            yield from _settings(value, f"{prefix}{key}.")
         else:
-            yield (
-                f"{prefix}{key}",
-                ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value),
-            )
-
-
-def _diagnosed_by(report: LoopReport) -> str:
-    if "diagnosis" in report.given:
-        return "the diagnosis that the loop was given"
-    if "recording" in report.given:
-        return "each seed's diagnosis of the recording that the loop was given"
-    return "the diagnosis of each seed's recording"
+            text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+            yield f"{prefix}{key}", text
 
 
 def _tints(colour: Mapping[str, str]) -> str:
@@ -86,38 +110,6 @@ def _tints(colour: Mapping[str, str]) -> str:
         f".dot.tint-{i} {{ background: {value}; }} .card.tint-{i} {{ border-left-color: {value}; }}\n"
         for i, value in enumerate(colour.values())
     )
-
-
-def _pictures(report: LoopReport) -> dict[str, tuple[str, list[str]]]:
-    """Figures as sources of images, each with the names in it; the template says what they show."""
-    made = {
-        "trips": figure_trips(report),
-        "steps": figure_steps(report),
-        "returns": figure_returns(report) if report.trips is None else None,
-        "slices": figure_residual_slices(report),
-        "calibration": figure_calibration(report),
-        "rollouts": figure_rollouts(report),
-        "divergence": figure_divergence(report),
-        "learning": figure_learning_curves(report),
-        "rounds": figure_expert_rounds(report),
-    }
-    return {key: (data_uri(f), _shown(report, key)) for key, f in made.items() if f is not None}
-
-
-def _shown(report: LoopReport, picture: str) -> list[str]:
-    """Names of channels and rates that a picture holds."""
-    cuts = report.slices.values()
-    named = {
-        "slices": (name for cut in cuts for name in (cut.rate, cut.channel, *cut.at)),
-        "calibration": rates(report),
-        "rollouts": report.states,
-        "divergence": report.states,
-    }
-    return list(dict.fromkeys(named.get(picture, ())))
-
-
-HEADER = 12
-"""Characters a line of a column's head may hold: heads must not make a table wider than a terminal."""
 
 
 def terminal_tables(report: LoopReport) -> list[Table]:
@@ -143,25 +135,21 @@ def _parts(sheet: Sheet) -> list[Sheet]:
     """A terminal is narrow: a sheet's tail becomes a table of its own."""
     if not sheet.tail:
         return [sheet]
-    cut = len(sheet.columns) - sheet.tail
-    body = replace(
-        sheet, columns=sheet.columns[:cut], rows=tuple(cells[:cut] for cells in sheet.rows), tail=0, note=""
-    )
-    tail = Sheet(
-        f"{sheet.title}, mean by seed",
-        (*sheet.columns[: sheet.labels], *sheet.columns[cut:]),
-        tuple((*cells[: sheet.labels], *cells[cut:]) for cells in sheet.rows),
-        sheet.labels,
-        sheet.note,
-    )
-    return [body, tail]
+    cut, words = len(sheet.columns) - sheet.tail, sheet.labels
+    rows = tuple(cells[:cut] for cells in sheet.rows)
+    tail = tuple((*cells[:words], *cells[cut:]) for cells in sheet.rows)
+    heads = (*sheet.columns[:words], *sheet.columns[cut:])
+    return [
+        replace(sheet, columns=sheet.columns[:cut], rows=rows, tail=0, note=""),
+        replace(sheet, title=f"{sheet.title}, mean by seed", columns=heads, rows=tail, tail=0),
+    ]
 
 
-def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
+def terminal_table(sheet: Sheet, colour: Mapping[str, str]) -> Table:
     """One sheet as a table of the terminal; `colour` is that of names that have one."""
     table = Table(
-        title=Text(printable(sheet.title), "table.title"),
-        caption=Text(printable(sheet.note), "table.caption") if sheet.note else None,
+        title=literal(sheet.title, "table.title"),
+        caption=literal(sheet.note, "table.caption") if sheet.note else None,
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         pad_edge=False,
@@ -170,17 +158,14 @@ def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
     )
     for index, name in enumerate(sheet.columns):
         label = index < sheet.labels
-        table.add_column(
-            Text(printable(name if label else fill(name, HEADER))),
-            justify="left" if label else "right",
-            no_wrap=label,
-        )
+        head = literal(name if label else fill(name, HEADER))
+        table.add_column(head, justify="left" if label else "right", no_wrap=label)
     for cells in sheet.rows:
         table.add_row(*(_text(cell, colour) for cell in cells))
     return table
 
 
-def _text(cell: Cell, colour: dict[str, str]) -> Text:
+def _text(cell: Cell, colour: Mapping[str, str]) -> Text:
     text = printable(cell.text)
     if cell.below:
         return Text.assemble(text, (f"\n{printable(cell.below)}", "dim"))

@@ -1,20 +1,49 @@
-"""The sheets of the returns: one per set of starts, with the thesis's figures."""
+"""The sheets of a loop: returns, goals reached, one-step errors, calibration, rollouts, fits; and its headline."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.reports.loop_report import LoopReport, printed_returns
-from gpsim.reports.model_sheets import data_of, rates, scores
-from gpsim.reports.sheets import Cell, Sheet, fixed, known, percent, plus_minus, sheet, span, whole_percent
+from gpsim.evaluation import coverage_warnings
+from gpsim.reports.loop_report import ALL, LoopReport
+from gpsim.reports.sheets import (
+    MISSING,
+    Cell,
+    Sheet,
+    coefficient,
+    fixed,
+    known,
+    percent,
+    plus_minus,
+    row,
+    sheet,
+    significant,
+    span,
+    whole_percent,
+    with_unit,
+)
 
 SHORT = 0.9
 """A seed falls short when its mean is below this share of the best seed's, of any policy, on the same starts."""
-
 EXPECTED_TO_SUCCEED = ("GP-Mean", "GP-Sample", "Effects", "Target")
 """The others fall short by design: they know nothing of what the simulator lacks."""
+CORRECTED = ("GP-Sample", "Effects", "GP-Mean")
+"""Policies trained in a corrected simulator, the one to name first first."""
+WORDS = {
+    "Source": "trained in the plain simulator",
+    "Target": "trained on the target itself, the reachable optimum",
+    "GP-Mean": "trained in the simulator corrected by the GP's mean",
+    "GP-Sample": "trained in the simulator corrected by samples of the GP",
+    "Effects": "trained in the simulator corrected by named effects",
+}
+DATA = {"one_step": "policy's own data", "one_step_random": "random actions"}
+"""The two drivers of the target on whose transitions one step is scored, by their key in summary.json."""
+DRIVERS = {"policy": "the source policy's", "random": "random", "deployed": "the deployed GP policy's"}
+Column = tuple[str, Callable[[str, Mapping[str, Any]], Cell | str]]
+"""The head of a column, and its cell of a policy and what is known of that."""
+POLICY: Column = ("Policy", lambda policy, stats: Cell(policy, name=policy))
 
 
 def return_sheets(report: LoopReport) -> list[Sheet]:
@@ -22,40 +51,25 @@ def return_sheets(report: LoopReport) -> list[Sheet]:
     return [_returns(report, key) for key in report.set_words if report.summary.get(key)]
 
 
-def best_seed(report: LoopReport, starts: str) -> float:
-    """The highest mean of any seed of any policy on a set of starts: what can be earned there, as far as is known."""
-    means = [mean for name in report.policies for mean in report.stats(starts, name).get("by_seed") or []]
-    return max((float(mean) for mean in means if known(mean)), default=report.best_return)
+def failing(report: LoopReport, starts: str) -> dict[str, dict[int, float]]:
+    """Policy to seed to mean of the seeds that fall short, of the policies that are expected to succeed.
 
-
-def failing(report: LoopReport, starts: str) -> dict[str, list[tuple[int, float]]]:
-    """Policy to (seed, mean) of the seeds that fall short, of the policies that are expected to succeed."""
-    found = {}
-    for policy in (name for name in report.policies if name in EXPECTED_TO_SUCCEED):
-        means = report.stats(starts, policy).get("by_seed") or []
-        short = SHORT * best_seed(report, starts)
-        low = [
-            (s, float(mean))
-            for s, mean in zip(report.seeds, means, strict=False)
-            if known(mean) and mean < short
-        ]
-        if low:
-            found[policy] = low
-    return found
-
-
-Column = tuple[str, Callable[[str, Mapping[str, Any]], Cell | str]]
-"""The head of a column, and its cell of a policy and what is known of that."""
-POLICY: Column = ("Policy", lambda policy, stats: Cell(policy, name=policy))
+    They fall short of the highest mean of any seed of any policy: what can be earned there, as far as is known.
+    """
+    means = {name: report.stats(starts, name).get("by_seed") or [] for name in report.policies}
+    earned = [float(mean) for found in means.values() for mean in found if known(mean)]
+    short = SHORT * max(earned, default=report.best_return)
+    found = {
+        name: {s: float(m) for s, m in zip(report.seeds, means[name], strict=False) if known(m) and m < short}
+        for name in report.policies
+        if name in EXPECTED_TO_SUCCEED
+    }
+    return {name: low for name, low in found.items() if low}
 
 
 def _returns(report: LoopReport, starts: str) -> Sheet:
-    columns, printed = [POLICY], printed_returns(report.system)
-    if starts != "returns_all" and printed:  # the thesis leaves starts that cannot be solved out
-        columns.append(
-            ("Thesis", lambda p, s: f"{printed[p].mean} ± {printed[p].std}" if p in printed else "–")
-        )
-    columns += [
+    columns = [
+        POLICY,
         (
             "Mean ± std",
             lambda p, s: Cell(plus_minus(s.get("mean"), s.get("std")), below=span(s.get("interval"))),
@@ -63,26 +77,31 @@ def _returns(report: LoopReport, starts: str) -> Sheet:
         ("IQM", lambda p, s: Cell(fixed(s.get("iqm")), below=span(s.get("iqm_interval")))),
     ]
     if report.returns and report.trips is None and not report.own_rewards:
-        share = lambda p, s: whole_percent(report.full_share(starts, p)) if s.get("episodes") else "–"  # noqa: E731
+        share = lambda p, s: whole_percent(report.full_share(starts, p)) if s.get("episodes") else MISSING  # noqa: E731
         columns.append(("Full episodes", share))
-    if promised := report.summary.get("own_simulator") if starts == "returns_all" else None:
+    if promised := report.summary.get("own_simulator") if starts == ALL else None:
         columns.append(("In its own simulator", lambda p, s: fixed(promised.get(p))))
-    short = {policy: {seed for seed, _ in low} for policy, low in failing(report, starts).items()}
+    short = failing(report, starts)
 
     def seeds(policy: str, stats: Mapping[str, Any]) -> list[Cell | str]:
         means = list(stats.get("by_seed") or [])
         means += [None] * (len(report.seeds) - len(means))
-        low = short.get(policy, set())
+        low = short.get(policy, {})
         return [Cell(fixed(mean), marked=s in low) for s, mean in zip(report.seeds, means, strict=False)]
 
-    return _by_policy(
-        report,
-        _returns_title(report, starts),
-        columns,
-        seeds,
-        {policy: report.stats(starts, policy) for policy in report.policies},
-        _note(report, starts),
-    )
+    stats = {policy: report.stats(starts, policy) for policy in report.policies}
+    title = f"Return on the target, {report.set_words[starts]}"
+    count = len(report.starts[starts]) if starts in report.starts else 0
+    of_all = (report.summary.get("share") or {}).get(starts)
+    if starts == ALL:
+        title += f" ({count})" if count else ""
+    elif known(of_all):
+        title += f" ({whole_percent(of_all)}{f' of {count}' if count else ''})"
+    note = "" if starts in report.start_sets else "No start belongs to this set."
+    listed = [f"{policy} with seed {s} ({fixed(m)})" for policy, low in short.items() for s, m in low.items()]
+    if listed and not note:
+        note = f"Below {100 * SHORT:g} % of the best seed's mean: {', '.join(listed)}."
+    return _by_policy(report, title, columns, seeds, stats, note)
 
 
 def _by_policy(
@@ -100,28 +119,6 @@ def _by_policy(
     return sheet(title, heads, rows, note=note, tail=several)
 
 
-def _returns_title(report: LoopReport, starts: str) -> str:
-    share = (report.summary.get("share") or {}).get(starts)
-    count = len(report.starts[starts]) if starts in report.starts else 0
-    title = f"Return on the target, {report.set_words[starts]}"
-    if starts == "returns_all":
-        return f"{title} ({count})" if count else title
-    return f"{title} ({whole_percent(share)}{f' of {count}' if count else ''})" if known(share) else title
-
-
-def _note(report: LoopReport, starts: str) -> str:
-    if starts not in report.start_sets:
-        return "No start belongs to this set."
-    listed = [
-        f"{policy} with seed {seed} ({fixed(mean)})"
-        for policy, seeds in failing(report, starts).items()
-        for seed, mean in seeds
-    ]
-    if not listed:
-        return ""
-    return f"Below {100 * SHORT:g} % of the best seed's mean: {', '.join(listed)}."
-
-
 def success_sheets(report: LoopReport) -> list[Sheet]:
     """A sheet for every set of starts; equal sets are shown once."""
     if report.trips is None:
@@ -132,19 +129,23 @@ def success_sheets(report: LoopReport) -> list[Sheet]:
     return [_successes(report, key) for key in shown.values()]
 
 
-def stats(report: LoopReport, starts: str, policy: str) -> Mapping[str, Any]:
+def _trips(report: LoopReport, starts: str, policy: str) -> Mapping[str, Any]:
     """The summary of a policy's trips on a set of starts, keyed as returns are; empty where there is none."""
-    found = (report.summary.get(starts.replace("returns", "success")) or {}).get(policy)
-    return found or {}
+    return (report.summary.get(starts.replace("returns", "success")) or {}).get(policy) or {}
 
 
 def _successes(report: LoopReport, starts: str) -> Sheet:
     def of_target(key: str) -> Column:
         return "of Target's", lambda p, s: fixed((s.get("of_target") or {}).get(key), 3)
 
+    def reached(policy: str, stats: Mapping[str, Any]) -> Cell:
+        edges = stats.get("interval")
+        below = " to ".join(percent(e, 3) for e in edges) if edges and all(map(known, edges)) else ""
+        return Cell(whole_percent(stats.get("rate")), below=below)
+
     columns: list[Column] = [
         POLICY,
-        ("Reached", lambda p, s: Cell(whole_percent(s.get("rate")), below=_span(s.get("interval")))),
+        ("Reached", reached),
         ("facing away", lambda p, s: whole_percent(s.get("behind"))),
         ("facing the goal", lambda p, s: whole_percent(s.get("ahead"))),
         ("Steps", lambda p, s: fixed(s.get("steps"))),
@@ -152,40 +153,18 @@ def _successes(report: LoopReport, starts: str) -> Sheet:
         ("Metres", lambda p, s: fixed(s.get("path"), 2)),
         of_target("path"),
     ]
+    share = (report.summary.get("share") or {}).get(starts)
+    same = [key for key in report.start_sets if (report.starts[key] == report.starts[starts]).all()]
+    words = "all starts" if ALL in same else report.set_words[starts]
     return _by_policy(
         report,
-        _successes_title(report, starts),
+        f"Goals reached on the target, {words} ({whole_percent(share)} of {len(report.starts[starts])})",
         columns,
         lambda p, s: [whole_percent(rate) for rate in s.get("by_seed") or []],
-        {policy: stats(report, starts, policy) for policy in report.policies},
+        {policy: _trips(report, starts, policy) for policy in report.policies},
         "Steps and metres: means over the trips that reached the goal; of Target's: on the trips that the Target "
         "policy of the same seed completed too.",
     )
-
-
-def _span(interval: Any) -> str:
-    if not interval or not all(known(value) for value in interval):
-        return ""
-    return f"{percent(interval[0], 3)} to {percent(interval[1], 3)}"
-
-
-def _successes_title(report: LoopReport, starts: str) -> str:
-    share = (report.summary.get("share") or {}).get(starts)
-    same = [key for key in report.start_sets if (report.starts[key] == report.starts[starts]).all()]
-    words = "all starts" if "returns_all" in same else report.set_words[starts]
-    return f"Goals reached on the target, {words} ({whole_percent(share)} of {len(report.starts[starts])})"
-
-
-CORRECTED = ("GP-Sample", "Effects", "GP-Mean")
-"""Policies trained in a corrected simulator, the one to name first first."""
-
-WORDS = {
-    "Source": "trained in the plain simulator",
-    "Target": "trained on the target itself, the reachable optimum",
-    "GP-Mean": "trained in the simulator corrected by the GP's mean",
-    "GP-Sample": "trained in the simulator corrected by samples of the GP",
-    "Effects": "trained in the simulator corrected by named effects",
-}
 
 
 @dataclass(frozen=True)
@@ -197,29 +176,18 @@ class Card:
     words: str
 
 
-def headline_starts(report: LoopReport) -> str | None:
-    """The set of starts that the headline speaks of: the first that holds any."""
-    return next(iter(report.start_sets), None)
-
-
 def cards(report: LoopReport) -> list[Card]:
-    """Source, the corrected simulator's policy and Target, as far as they were compared."""
-    starts = headline_starts(report)
+    """Source, the corrected simulator's policy and Target, as far as they were compared, on the first starts."""
+    starts = next(iter(report.start_sets), None)
     if starts is None:
         return []
     if report.trips is not None:
-        return [
-            Card(name, whole_percent(stats(report, starts, name).get("rate")), WORDS[name])
-            for name in ("Source", *CORRECTED, "Target")
-            if known(stats(report, starts, name).get("rate"))
-        ]
-    corrected = next((name for name in CORRECTED if known(report.stats(starts, name).get("mean"))), None)
-    found = []
-    for name in ("Source", corrected, "Target"):
-        mean = report.stats(starts, name).get("mean") if name else None
-        if name and known(mean):
-            found.append(Card(name, fixed(mean), WORDS[name]))
-    return found
+        rates = {n: _trips(report, starts, n).get("rate") for n in ("Source", *CORRECTED, "Target")}
+        return [Card(name, whole_percent(rate), WORDS[name]) for name, rate in rates.items() if known(rate)]
+    means = {name: report.stats(starts, name).get("mean") for name in WORDS}
+    corrected = next((name for name in CORRECTED if known(means[name])), "Source")
+    shown = dict.fromkeys(("Source", corrected, "Target"))
+    return [Card(name, fixed(means[name]), WORDS[name]) for name in shown if known(means[name])]
 
 
 def paragraph(report: LoopReport) -> str:
@@ -229,54 +197,42 @@ def paragraph(report: LoopReport) -> str:
 
 
 def _numbers(report: LoopReport) -> str:
-    starts = headline_starts(report)
-    shown = cards(report)
-    if starts is None or not shown:
+    shown, parts = cards(report), []
+    if not shown:
         why = report.summary.get("not_driven")
         return f"No policy was evaluated on the target{f': {why}' if why else ''}.{_one_step(report)}"
+    starts = report.start_sets[0]
     if report.trips is not None:
-        return f"{_goals(report, starts, shown)} {_scope(report, starts)}{_one_step(report)}"
+        parts = [_goal(card, _trips(report, starts, card.policy)) for card in shown]
+        return f"{'; '.join(parts)}. {_scope(report, starts)}{_one_step(report)}"
     best = "" if report.own_rewards else f" of {report.best_return:g}"
-    parts = []
+    target = report.stats(starts, "Target").get("mean")
     for card in shown:
         if card.policy == "Source":
             parts.append(f"the policy trained in the plain simulator earns {card.value}{best} on the target")
         elif card.policy == "Target":
             parts.append(f"the reachable optimum, trained on the target itself, earns {card.value}")
         else:
-            parts.append(
-                f"the policy {card.words} ({card.policy}) earns {card.value}{_ratio(report, starts, card)}"
-            )
+            mean = report.stats(starts, card.policy)["mean"]
+            ratio = f" ({whole_percent(mean / target)} of Target)" if known(target) and target > 0 else ""
+            parts.append(f"the policy {card.words} ({card.policy}) earns {card.value}{ratio}")
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}. {_scope(report, starts)}{_one_step(report)}"
 
 
-def _goals(report: LoopReport, starts: str, shown: list[Card]) -> str:
+def _goal(card: Card, found: Mapping[str, Any]) -> str:
     """Who reaches the goal, and how directly."""
-    parts = []
-    for card in shown:
-        found = stats(report, starts, card.policy)
-        text = f"{card.policy}, {card.words}, reaches the goal from {card.value} of the starts"
-        if card.policy == "Source" and known(found.get("behind")):
-            text += f" ({whole_percent(found['behind'])} of those that face away)"
-        ratio = (found.get("of_target") or {}).get("steps")
-        if card.policy in CORRECTED and known(ratio):
-            text += f" in {ratio:.2f} of Target's steps"
-        parts.append(text)
-    return "; ".join(parts) + "."
-
-
-def _ratio(report: LoopReport, starts: str, card: Card) -> str:
-    target, mean = report.stats(starts, "Target").get("mean"), report.stats(starts, card.policy).get("mean")
-    return (
-        f" ({whole_percent(mean / target)} of Target)" if known(target) and known(mean) and target > 0 else ""
-    )
+    text = f"{card.policy}, {card.words}, reaches the goal from {card.value} of the starts"
+    if card.policy == "Source" and known(found.get("behind")):
+        text += f" ({whole_percent(found['behind'])} of those that face away)"
+    ratio = (found.get("of_target") or {}).get("steps")
+    return f"{text} in {ratio:.2f} of Target's steps" if card.policy in CORRECTED and known(ratio) else text
 
 
 def _scope(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
     seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
-    of = f", {whole_percent(share)} of all" if known(share) and starts != "returns_all" else ""
+    of = f", {whole_percent(share)} of all" if known(share) and starts != ALL else ""
     what = "Shares" if report.trips else "Mean returns"
     return f"{what} over {seeds} and the {report.set_words[starts].removeprefix('all ')}{of}."
 
@@ -292,3 +248,190 @@ def _one_step(report: LoopReport) -> str:
     if not said:
         return ""
     return f" One step ahead the correction errs by {' and '.join(said)} (NRMSE of the worse rate)."
+
+
+def data_of(report: LoopReport) -> dict[str, str]:
+    """The data that one step was scored on, in words, by their key in summary.json."""
+    recorded = report.summary.get("judged_on")
+    return {"one_step": str(recorded).partition(":")[0]} if recorded else DATA
+
+
+def rates(report: LoopReport) -> list[str]:
+    """The rates that one step was scored for, in order."""
+    every = [report.summary.get(key) or {} for key in data_of(report)]
+    return list(
+        dict.fromkeys(n for found in every for n, score in found.items() if isinstance(score, Mapping))
+    )
+
+
+def scores(report: LoopReport, key: str, rate: str) -> Mapping[str, Any]:
+    """The scores of a rate on one driver's data; empty where there are none."""
+    found = (report.summary.get(key) or {}).get(rate)
+    return found if isinstance(found, Mapping) else {}
+
+
+def one_step_sheet(report: LoopReport) -> Sheet:
+    """NRMSE and R2 of mean and sample on both drivers' data."""
+
+    def errors(key: str, rate: str, prediction: str) -> tuple[str, str]:
+        found = scores(report, key, rate).get(prediction) or {}
+        value, spread = found.get("nrmse"), found.get("nrmse_std")
+        text = percent(value)
+        if known(value) and known(spread):
+            digits = text.removesuffix(" %")
+            text = f"{digits} ± {100.0 * spread:.{len(digits.partition('.')[2])}f} %"
+        return text, coefficient(found.get("r2"))
+
+    data = data_of(report)
+    heads = [head for words in data.values() for head in (f"NRMSE, {words}", "R²")]
+    rows = (
+        (with_unit(rate, report.units), how, *(cell for key in data for cell in errors(key, rate, how)))
+        for rate in rates(report)
+        for how in ("mean", "sample")
+    )
+    # How much of what was visited lies where the GPs were taught nothing.
+    shares = report.summary.get("outside_recording") or {}
+    outside = [f"{whole_percent(s)} of {DRIVERS.get(name, name)}" for name, s in shares.items() if known(s)]
+    note = (
+        "NRMSE: root mean square error over the pooled range (max - min) of the residual; ± is the standard "
+        "deviation over episodes."
+    ) + _averaged(report)
+    note += (
+        f" Transitions outside the range of the GPs' training rows: {', '.join(outside)}." if outside else ""
+    )
+    title = "One step: the correction's error on target transitions"
+    return sheet(title, ("Rate", "Prediction", *heads), rows, labels=2, note=note)
+
+
+def _averaged(report: LoopReport) -> str:
+    return " Averages over the seeds' GPs." if len(report.seeds) > 1 else ""
+
+
+def calibration_sheet(report: LoopReport) -> Sheet:
+    """Covered shares, likelihood and predicted spread of the GPs' one-step distributions."""
+    levels = coverage_levels(report)
+    heads = [f"in its {100.0 * float(level):.0f} % interval" for level in levels]
+    found = {(r, key): scores(report, key, r) for r in rates(report) for key in data_of(report)}
+    rows = (
+        (
+            with_unit(rate, report.units),
+            data_of(report)[key],
+            *(whole_percent((score.get("coverage") or {}).get(level)) for level in levels),
+            significant(score.get("predicted_std")),
+            significant((score.get("mean") or {}).get("rmse")),
+            significant(score.get("negative_log_likelihood")),
+        )
+        for (rate, key), score in found.items()
+        if score
+    )
+    return sheet(
+        "Calibration: how often the target lies in the predicted interval",
+        ("Rate", "Data", *heads, "Predicted std", "Error (rms)", "Negative log likelihood"),
+        rows,
+        labels=2,
+        note="Below the nominal share the GP is too sure of itself, above it too cautious."
+        + _averaged(report),
+    )
+
+
+def coverage_levels(report: LoopReport) -> list[str]:
+    """The nominal levels that were scored, ascending, as they are keyed."""
+    every = [scores(report, key, rate) for key in data_of(report) for rate in rates(report)]
+    return sorted({level for score in every for level in score.get("coverage") or {}}, key=float)
+
+
+def rollout_simulators(report: LoopReport) -> dict[str, Mapping[str, Any]]:
+    """Simulator to its divergence from the target."""
+    rollout = report.summary.get("rollout") or {}
+    return {name: found for name, found in rollout.items() if isinstance(found, Mapping) and "rms" in found}
+
+
+def rollout_sheet(report: LoopReport) -> Sheet:
+    """Root mean square distance to the target's rollouts, per channel, and what a mean over infinity cannot say."""
+    simulators = rollout_simulators(report)
+    channels = list(dict.fromkeys(channel for found in simulators.values() for channel in found["rms"]))
+    rows = (
+        row(Cell(name, name=name), *(significant(found["rms"].get(channel)) for channel in channels))
+        for name, found in simulators.items()
+    )
+    rollout, title = report.summary.get("rollout") or {}, "Rollouts: root mean square distance to the target"
+    if known(rollout.get("rollouts")) and known(rollout.get("horizon_s")):
+        actions = "recorded" if report.summary.get("judged_on") else "random"
+        title += (
+            f", {rollout['rollouts']} rollouts of {rollout['horizon_s']:g} s under the same {actions} actions"
+        )
+    notes = [_averaged(report).strip()]
+    for name, found in simulators.items():
+        count = found.get("not_finite")
+        if known(count) and count:
+            many = f"{count:.0f} rollouts" if float(count).is_integer() else f"{count:.1f} rollouts a seed"
+            many = "1 rollout" if count == 1 else many
+            notes.append(f"{name}: {many} ceased to be finite, and count as infinitely far.")
+    heads = ("Simulator", *(with_unit(name, report.units) for name in channels))
+    return sheet(title, heads, rows, note=" ".join(notes).strip())
+
+
+def fit_sheet(report: LoopReport) -> Sheet:
+    """What each fit says of itself."""
+    columns = (
+        "Seed", "Rate", "Outcome", "Rows", "Log likelihood", "at the start",
+        "Noise std", "Noise std, standardised", "Signal std, standardised", "Evaluations",
+    )  # fmt: skip
+    rows = []
+    for seed, rate, fit in _fits(report):
+        standard, original = fit.get("hyper_parameters") or {}, fit.get("hyper_parameters_original") or {}
+        outcome = str(fit.get("outcome", MISSING)).replace("_", " ")
+        rows.append(
+            row(
+                str(seed),
+                rate,
+                Cell(outcome, marked=fit.get("converged") is False, title=str(fit.get("advice", ""))),
+                str(fit.get("rows", MISSING)),
+                significant(fit.get("log_marginal_likelihood"), 4),
+                significant(fit.get("initial_log_marginal_likelihood"), 4),
+                f"{significant(original.get('noise_std'))} {report.unit(rate)}".strip(),
+                significant(standard.get("noise_std")),
+                significant(standard.get("signal_std")),
+                str(fit.get("evaluations", MISSING)),
+            )
+        )
+    note = "Log marginal likelihood of the standardised residuals, in natural logarithms."
+    return Sheet("Fits: one Gaussian process per rate", columns, tuple(rows), 3, note)
+
+
+def scale_sheet(report: LoopReport) -> Sheet:
+    """Length scale and linear weight of every input, standardised, of every fit."""
+    columns = dict.fromkeys(name for fit in report.fits.values() for name in fit.get("inputs", ()))
+    rows: list[tuple[str, ...]] = []
+    for seed, rate, fit in _fits(report):
+        hyper, names = fit.get("hyper_parameters") or {}, report.fits[seed].get("inputs", ())
+        for words, key in (("length scale", "lengthscales"), ("linear std", "linear_stds")):
+            values = dict(zip(names, hyper.get(key) or (), strict=False))
+            rows.append((str(seed), rate, words, *(significant(values.get(name)) for name in columns)))
+    note = (
+        "Standardised inputs. A length scale far above 1: the smooth part ignores the input; "
+        "a linear std near 0: so does the linear part."
+    )
+    return sheet("Hyper-parameters per input", ("Seed", "Rate", "", *columns), rows, labels=3, note=note)
+
+
+def _fits(report: LoopReport) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
+    """(seed, rate, report of the fit)."""
+    for seed, fit in report.fits.items():
+        for rate, found in (fit.get("rates") or {}).items():
+            yield seed, rate, found
+
+
+def gp_warnings(report: LoopReport) -> list[str]:
+    """What the fits and the coverage of the recordings warn of, each once, with the seeds that gave it."""
+    seeds: dict[str, list[int]] = {}
+    warned = [(seed, text) for seed, fit in report.fits.items() for text in fit.get("warnings") or ()]
+    warned += [(seed, text) for seed, found in report.outside.items() for text in coverage_warnings(found)]
+    for seed, text in warned:
+        seeds.setdefault(str(text), []).append(seed)
+    if len(report.seeds) < 2:
+        return list(seeds)
+    return [
+        f"{text} (seed{'s' if len(found) > 1 else ''} {', '.join(map(str, found))})"
+        for text, found in seeds.items()
+    ]

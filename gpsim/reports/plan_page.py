@@ -6,6 +6,7 @@ What a plan says, in a few lines: for the terminal and above its page.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from gpsim.reports.canvas import (
     resource,
     style,
 )
-from gpsim.reports.sheets import MISSING, Cell, Sheet, percent, row, significant, unit
+from gpsim.reports.sheets import MISSING, Cell, percent, row, sheet, significant, unit
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
@@ -56,21 +57,20 @@ def told(facts: Mapping[str, Any]) -> list[str]:
     if not pairs:
         lines.append("There is one explanation: the plan is for its parameters.")
     for pair in pairs:
-        lines.append(_told(pair))
+        who = f"{pair['first']} and {pair['second']}"
+        wanted = "; ".join(pair["sensors"]) or "a quantity of which they say something different"
+        others = ", ".join(f"{kind} {nats:.3g}" for kind, nats in pair["fixed"].items())
+        others += f", the old recording {pair['recorded']:.2g}"
+        lines.append(
+            f"{who} differ by {pair['a_minute']:.3g} nats a minute ({others})."
+            if pair["separated"]
+            else f"No command that was tried separates {who} ({pair['nats']:.2g} nats); measure {wanted}."
+        )
     lines.append(
         f"Of {safety['draws']} draws of all posteriors {safety['left']} left the box less {safety['margin']:.0%} at "
         f"each side, or did not come back to rest: a chance of at most {percent(safety['most'])} (90 %)."
     )
     return lines
-
-
-def _told(pair: Mapping[str, Any]) -> str:
-    who = f"{pair['first']} and {pair['second']}"
-    if not pair["separated"]:
-        wanted = "; ".join(pair["sensors"]) or "a quantity of which they say something different"
-        return f"No command that was tried separates {who} ({pair['nats']:.2g} nats); measure {wanted}."
-    others = ", ".join(f"{kind} {nats:.3g}" for kind, nats in pair["fixed"].items())
-    return f"{who} differ by {pair['a_minute']:.3g} nats a minute ({others}, the old recording {pair['recorded']:.2g})."
 
 
 MORE = """
@@ -86,18 +86,7 @@ NOTE = (
 
 def plan_page(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> str:
     """The page; equal plans give equal pages."""
-    return page_of(
-        "plan.html.jinja",
-        resource("plain.css") + MORE,
-        lines=told(plan_facts(plan)),
-        picture=data_uri(plan_figure(plan, state, action, box)),
-        sheets=[pairs_sheet(plan), pieces_sheet(plan)],
-    )
-
-
-def pairs_sheet(plan: Plan) -> Sheet:
-    """A row a pair: nats a minute of the plan and of what else could be played."""
-    rows = tuple(
+    pairs = (
         row(
             f"{p.first} / {p.second}",
             Cell(significant(p.nats), marked=not p.separated),
@@ -108,14 +97,18 @@ def pairs_sheet(plan: Plan) -> Sheet:
         )
         for p in plan.pairs
     )
-    columns = ("pair", "nats in all", "a minute: plan", *FIXED, "the old recording", "sensor that would tell")
-    return Sheet("What it tells apart", columns, rows, labels=1, note=NOTE)
-
-
-def pieces_sheet(plan: Plan) -> Sheet:
-    """A row a piece."""
-    rows = tuple(row(f"{i + 1}", p.kind, f"{p.begin:g}", f"{p.seconds:g}") for i, p in enumerate(plan.pieces))
-    return Sheet("Pieces", ("piece", "grew from", "begins [s]", "lasts [s]"), rows, labels=2)
+    heads = ("pair", "nats in all", "a minute: plan", *FIXED, "the old recording", "sensor that would tell")
+    pieces = ((f"{i + 1}", p.kind, f"{p.begin:g}", f"{p.seconds:g}") for i, p in enumerate(plan.pieces))
+    return page_of(
+        "plan.html.jinja",
+        resource("plain.css") + MORE,
+        lines=told(plan_facts(plan)),
+        picture=data_uri(plan_figure(plan, state, action, box)),
+        sheets=[
+            sheet("What it tells apart", heads, pairs, note=NOTE),
+            sheet("Pieces", ("piece", "grew from", "begins [s]", "lasts [s]"), pieces, labels=2),
+        ],
+    )
 
 
 def plan_figure(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> Figure:
@@ -124,18 +117,17 @@ def plan_figure(plan: Plan, state: Channels, action: Channels, box: Mapping[str,
     t = plan.dt * np.arange(len(plan.t))
     with style():
         figure, axes = panels(rows, 1, (11.0, 0.7 + 1.5 * rows), sharex=True)
-        for i, channel in enumerate(action):
-            axis = axes[i, 0]
-            axis.step(t, plan.commands[:, i], where="post", color="#333333", linewidth=1.0)
-            name = f"{channel.name}, added" if plan.dithers else channel.name
+        for i, channel in enumerate((*action, *state)):
+            axis, k = axes[i, 0], i - len(action)
+            name = f"{channel.name}, added" if k < 0 and plan.dithers else channel.name
             axis.set_ylabel(named(name, unit(channel.unit), LABEL))
-        for i, channel in enumerate(state):
-            axis = axes[len(action) + i, 0]
-            for k, (label, course) in enumerate(plan.courses.items()):
-                axis.plot(t, course[:, i], color=OTHERS[k % len(OTHERS)], label=label, linewidth=1.2)
+            if k < 0:
+                axis.step(t, plan.commands[:, i], where="post", color="#333333", linewidth=1.0)
+                continue
+            for tint, (label, course) in zip(cycle(OTHERS), plan.courses.items(), strict=False):
+                axis.plot(t, course[:, k], color=tint, label=label, linewidth=1.2)
             for edge in box.get(channel.name, ()):
                 axis.axhline(edge, color=FAINT, linestyle="--", linewidth=0.8)
-            axis.set_ylabel(named(channel.name, unit(channel.unit), LABEL))
         axes[-1, 0].set_xlabel("time [s]")
         legend_above(figure, axes[len(action), 0], columns=2)
         return figure

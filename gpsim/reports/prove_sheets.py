@@ -1,16 +1,25 @@
-"""A proof's tables: the page and the terminal show the same sheets."""
+"""A proof's tables: the page and the terminal show the same sheets.
+
+Its special worlds (rough logs, robots, whole machines, whole robots, what floats, curves) are groups with the same
+tables each: the figures with their intervals, the same by stratum, and counts by family.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import resources
 from typing import Any
 
-from gpsim.reports.prove_groups import brief_sheets, group_sheets
+import yaml
+
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.trials.goals import GOALS, bounds_of
 
 Json = Mapping[str, Any]
+VERDICTS = ("named", "ambiguous", "partial", "unknown", "none", "failed")
+INTERVAL = "95 %"
 SIZES = ("single", "pair", "triple")
+FAILED = (*SIZES, "none", "unknown")
 COUNTED = {
     "single": "right",
     "pair": "right",
@@ -34,7 +43,6 @@ MACHINES_COUNTED = {
     "black_box_better": "black_box_better_of",
 }
 """Figure -> of how many it is a share, where that is not the number of machines."""
-FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
     "tuned": "base, parameters tuned",
@@ -42,6 +50,63 @@ RIVALS = {
     "after": "base + named effects",
     "after_gp": "base + named effects + GP",
 }
+NAMERS = {
+    "sindy": "PySINDy, what is missing",
+    "diagnose_on_the_same": "gpsim diagnose, what is missing",
+    "sindy_nothing": "PySINDy, that nothing is",
+    "diagnose_on_the_same_nothing": "gpsim diagnose, that nothing is",
+}
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    return MISSING if share is None else fixed(100 * share, digits)
+
+
+def _bounds(edges: Sequence[float] | None, times: float = 100.0, digits: int = 1) -> str:
+    """An interval, in per cent unless other `times` are asked for."""
+    return MISSING if edges is None else "-".join(fixed(times * edge, digits) for edge in edges)
+
+
+def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
+    """An interval: of a share with three decimals, of a median with three digits."""
+    if not bounds:
+        return MISSING
+    return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
+
+
+def _cells(said: str, b: Json) -> tuple[str, ...]:
+    """A figure of a block, and its interval where it has one, as a column of GROUPS says."""
+    kind, key, *more = said.split()
+    every = b[more[0]] if kind in ("of", "ratio") else None
+    if kind == "of":
+        return (f"{b[key]}/{every}", _bounds(b[f"interval_{more[1]}"])) if every else (MISSING, MISSING)
+    if kind == "share":
+        return _percent(b[key]), _bounds(b[f"interval_{key}"])
+    if kind == "mean":
+        return fixed(b[key], 2), _bounds(b[f"interval_{key}"], 1.0, 2)
+    alone: Mapping[str, Callable[[Any], str]] = {
+        "count": str,
+        "percent": lambda value: _percent(value, *map(int, more)),
+        "number": lambda value: fixed(value, 2),
+        "significant": significant,
+        "median": lambda value: fixed((value or {}).get("median")),
+        "ratio": lambda value: f"{value}/{every}",
+    }
+    return (alone[kind](b[key]),)
+
+
+def _groups() -> Mapping[str, Json]:
+    text = (
+        resources.files("gpsim.reports")
+        .joinpath("templates", "prove_groups.yaml")
+        .read_text(encoding="utf-8")
+    )
+    found: Mapping[str, Json] = yaml.safe_load(text)
+    return found
+
+
+GROUPS = _groups()
+WITH_INTERVAL = ("share", "mean", "of")  # kinds of columns
 
 
 def proof_sheets(content: Json) -> list[Sheet]:
@@ -50,8 +115,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
     return [
         *(make(content) for make in first),
         *(made for make in (group_sheets, plan_sheets, strata_sheets) for made in make(content)),
-        families_sheet(content),
-        kinds_sheet(content),
+        *(make(content) for make in (families_sheet, kinds_sheet)),
     ]
 
 
@@ -67,6 +131,80 @@ def terminal_sheets(content: Json) -> list[Sheet]:
     return [made for made in sheets if made.rows]
 
 
+def group_sheets(content: Json) -> list[Sheet]:
+    """The tables of every group of which a world was revealed."""
+    return [made for part in GROUPS if content.get(part) for made in _part_sheets(part, content[part])]
+
+
+def brief_sheets(content: Json) -> list[Sheet]:
+    """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
+    parts = {part: list(_part_sheets(part, content[part])) for part in GROUPS if content.get(part)}
+    shown = {part: slice(1) for part in GROUPS} | {"rough": slice(-2, -1), "machines": slice(2)}
+    return [made for part, sheets in parts.items() for made in sheets[shown[part]]]
+
+
+def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
+    """The tables of one group."""
+    group = GROUPS[part]
+    title, more = group["title"], group.get("with_intervals", False)
+    if turned := group.get("turned"):
+        blocks = {"all": block, **block["strata"][turned["by"]]}
+        figures = (
+            (label, *(_cells(said, b)[0] for b in blocks.values()))
+            for label, said in turned["figures"].items()
+        )
+        yield sheet(title, ("", *blocks), figures, note=turned["note"])
+    if part == "machines":
+        yield _verdicts_sheet(title, block["verdicts"])
+    yield _figures(group, title + ", with intervals" * more, {"all": block}, group["note"])
+    for name, blocks in block["strata"].items():
+        yield _figures(group, f"{title} by {name}", blocks)
+    if part == "rough":
+        yield _verdicts_sheet(title, block["verdicts"])
+    for families, counted in group["families"].items():
+        yield _families(f"{title}: {families}", counted, more, block["families"])
+    if "joints" in block:
+        yield _families(f"{title}: rows right by joint", "right", more, block["joints"])
+    if "spurious_families" in block:
+        found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
+        columns = ("", next(iter(group["columns"])))
+        yield sheet(f"{title}: told and not there", columns, ((n, str(count)) for n, count in found))
+
+
+def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
+    """What was said (columns) where what was called for (rows)."""
+    rows = (
+        (
+            Cell(wanted),
+            *(
+                Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in wanted.split(" or "))
+                for v in VERDICTS
+            ),
+        )
+        for wanted, said in verdicts.items()
+    )
+    return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
+
+
+def _figures(group: Json, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
+    columns = group["columns"]
+    heads = [
+        h for head, said in columns.items() for h in (head, INTERVAL)[: 1 + said.startswith(WITH_INTERVAL)]
+    ]
+    rows = (
+        (n, *(c for said in columns.values() for c in _cells(said, block))) for n, block in blocks.items()
+    )
+    return sheet(title, ("", *heads), rows, note=note)
+
+
+def _families(title: str, counted: str, with_intervals: bool, families: Mapping[str, Json]) -> Sheet:
+    more = [INTERVAL] * with_intervals
+    rows = (
+        (n, f"{f[counted]}/{f['n']}", *(_bounds(f["interval"]) for _ in more)) for n, f in families.items()
+    )
+    return sheet(title, ("", counted, *more), rows)
+
+
 def goals_sheet(content: Json) -> Sheet:
     """What has to be reached and what was, wherever the proof has worlds that it is about."""
 
@@ -75,11 +213,11 @@ def goals_sheet(content: Json) -> Sheet:
         block = content.get(part, {})
         bounds = _within(bounds_of(block, key), key.startswith("median"))
         got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
-        return GOALS[name].label, goal["wanted"], got, bounds, _number(part, key, block)
+        return GOALS[name].label, goal["wanted"], got, bounds, _counted(part, key, block)
 
     return sheet(
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
-        ("", "wanted", "got", "95 %", "count"),
+        ("", "wanted", "got", INTERVAL, "count"),
         (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
         "on rough worlds; machines: whole ones; whole robots: all joints at once; afloat: what floats or "
@@ -88,19 +226,17 @@ def goals_sheet(content: Json) -> Sheet:
     )
 
 
-def _number(part: str, key: str, block: Json) -> str:
+def _counted(part: str, key: str, block: Json) -> str:
     """What a figure counts: some of so many worlds, or so many where it is no count."""
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
     if part in ("whole", "afloat") and key != "spurious":
         return f"{block[f'{key}_count']}/{block[f'{key}_of']}"
-    if part == "machines" and key != "spurious":
-        every = block[MACHINES_COUNTED.get(key, "n")]
-        return f"{round(block[key] * every)}/{every}"
-    if part == "curves":
-        every = block["n"] - (block["failed"] if key == "named_wrong" else 0)
-        return f"{round(block[key] * every)}/{every}"
+    if part == "curves" or (part == "machines" and key != "spurious"):
+        of = block[MACHINES_COUNTED.get(key, "n") if part == "machines" else "n"]
+        of -= block["failed"] if (part, key) == ("curves", "named_wrong") else 0
+        return f"{round(block[key] * of)}/{of}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)
     if key == "share_named_wrong" and block:
@@ -121,7 +257,7 @@ def shares_sheet(content: Json) -> Sheet:
     failed = [f"{name} {content[name]['failed']}" for name in FAILED if content.get(name, {}).get("failed")]
     return sheet(
         "Part by part, on the same worlds",
-        ("", "share", "95 %", "count"),
+        ("", "share", INTERVAL, "count"),
         (
             (label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
             for label, part in parts.items()
@@ -153,7 +289,7 @@ def medians_sheet(content: Json) -> Sheet:
         for label, (p, key) in parts.items()
         if p
     )
-    return sheet("Sizes of errors", ("", "median", "95 %", "mean", "count"), rows)
+    return sheet("Sizes of errors", ("", "median", INTERVAL, "mean", "count"), rows)
 
 
 def rivals_sheet(content: Json) -> Sheet:
@@ -165,7 +301,7 @@ def rivals_sheet(content: Json) -> Sheet:
     )
     return sheet(
         "Held-out one-step error over the true model's own, worst rate",
-        ("", "worlds", "median ratio", "95 %", "% within 1.1", "95 %"),
+        ("", "worlds", "median ratio", INTERVAL, "% within 1.1", INTERVAL),
         rows,
         note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
     )
@@ -191,25 +327,30 @@ def plan_sheets(content: Json) -> list[Sheet]:
         f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted to "
         "both, the right one ahead by odds above ten"
     )
-    columns = ("next recording", "resolved", "95 %", "seconds, median", "left the box")
+    columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
     return [sheet("The next recording", columns, rows, note=note)]
 
 
 def namers_sheet(content: Json) -> Sheet:
     """Who names more, where PySINDy's library holds the truth."""
-    names = {
-        "sindy": "PySINDy, what is missing",
-        "diagnose_on_the_same": "gpsim diagnose, what is missing",
-        "sindy_nothing": "PySINDy, that nothing is",
-        "diagnose_on_the_same_nothing": "gpsim diagnose, that nothing is",
-    }
     found = content["rivals"]
     return sheet(
         "Namers, where PySINDy's library holds the truth",
-        ("", "worlds", "% right", "95 %"),
-        ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in names.items() if k in found),
+        ("", "worlds", "% right", INTERVAL),
+        ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in NAMERS.items() if k in found),
         note="mechanical systems with every effect a term of its library and acting everywhere, visible or not",
     )
+
+
+def _shared(block: Json) -> tuple[str, str]:
+    """A share in per cent, and its interval."""
+    return _percent(block["share"]), _bounds(block["interval"])
+
+
+STRATUM = (
+    "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
+    "coverage %", "fit within 1.1", "seconds",
+)  # fmt: skip
 
 
 def strata_sheets(content: Json) -> list[Sheet]:
@@ -225,20 +366,19 @@ def strata_sheets(content: Json) -> list[Sheet]:
     ]
 
 
-STRATUM = (
-    "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
-    "coverage %", "fit within 1.1", "seconds",
-)  # fmt: skip
-
-
 def _stratum(name: str, block: Json) -> tuple[str, ...]:
+    def count(part: str, key: str) -> str:
+        found = block.get(part)
+        return MISSING if found is None else f"{found[key]}/{found['n']}"
+
     counts = [(size, "right") for size in SIZES]
     counts += [("none", "false_alarms"), ("unknown", "said_so"), ("location", "right")]
+    parameters = block.get("parameters") or {}
     return (
         name,
-        *(_share(block.get(part), key) for part, key in counts),
-        *(_percent(block.get("parameters"), key) for key in ("median_relative_error", "coverage_90")),
-        _share(block.get("fit"), "within"),
+        *(count(part, key) for part, key in counts),
+        *(_percent(parameters.get(key)) for key in ("median_relative_error", "coverage_90")),
+        count("fit", "within"),
         fixed(block.get("seconds", {}).get("median")),
     )
 
@@ -246,31 +386,10 @@ def _stratum(name: str, block: Json) -> tuple[str, ...]:
 def families_sheet(content: Json) -> Sheet:
     """Single effects by what they are."""
     rows = ((n, f"{f['right']}/{f['n']}", _within(f["interval"])) for n, f in content["families"].items())
-    return sheet("Visible single effects by family", ("", "right", "95 %"), rows)
+    return sheet("Visible single effects by family", ("", "right", INTERVAL), rows)
 
 
 def kinds_sheet(content: Json) -> Sheet:
     """Physics outside the catalogue by what it is."""
     rows = ((n, f"{k['said_so']}/{k['n']}", str(k["named_wrong"])) for n, k in content["kinds"].items())
     return sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), rows)
-
-
-def _share(block: Json | None, name: str) -> str:
-    return MISSING if block is None else f"{block[name]}/{block['n']}"
-
-
-def _percent(block: Json | None, name: str) -> str:
-    return MISSING if block is None or block[name] is None else fixed(100 * block[name])
-
-
-def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
-    """An interval: of a share with three decimals, of a median with three digits."""
-    if not bounds:
-        return MISSING
-    return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
-
-
-def _shared(block: Json) -> tuple[str, str]:
-    """A share in per cent, and its interval."""
-    low, high = block["interval"]
-    return fixed(100 * block["share"]), f"{fixed(100 * low)}-{fixed(100 * high)}"

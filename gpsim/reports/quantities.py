@@ -90,15 +90,15 @@ def is_open(odds: Odds | None) -> bool:
 
 def size_text(name: str, estimate: Estimate) -> str:
     """`8.71 ± 0.06 N`: the value and the half width of its 90 % interval, `?` where the data do not determine it."""
-    said = _unit(name, estimate)
+    said = f" {unit(estimate.unit)}" if estimate.unit != "1" else " times" if name in TIMES else ""
     value = estimate.value
     if not math.isfinite(value):
         return MISSING
     if estimate.at_bound:
-        return f"{_short(value)}{said}, at its bound"
+        return f"{value:.3g}{said}, at its bound"
     low, high = estimate.low, estimate.high
     if low is None or high is None:
-        return f"{_short(value)} ± ?{said}"
+        return f"{value:.3g} ± ?{said}"
     below, above = value - low, high - value
     if min(below, above) * LOPSIDED < max(below, above):
         return interval_text(value, low, high) + said
@@ -113,16 +113,6 @@ def interval_text(value: float, low: float, high: float) -> str:
     width = max(high - low, 0.0) / 2
     said = [_to(v, width) if width > FINEST * abs(value) else f"{v:.6g}" for v in (value, low, high)]
     return f"{said[0]} ({said[1]} to {said[2]})"
-
-
-def _unit(name: str, estimate: Estimate) -> str:
-    if estimate.unit == "1":
-        return " times" if name in TIMES else ""
-    return f" {unit(estimate.unit)}"
-
-
-def _short(value: float) -> str:
-    return f"{value:.3g}"
 
 
 def _to(value: float, width: float) -> str:

@@ -16,11 +16,11 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.mjcf import MjcfSimulator, mujoco, rendered
 from gpsim.recordings import evenly
 from gpsim.reports.account_effects import TRIFLE, effect_name, told_effects
+from gpsim.reports.bodies import THICK, poses, shown_geoms, sticks
 from gpsim.reports.canvas import FAINT, GRID, INK, LABEL, legend_label, panels, png, style
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import WHOLE, noun
 from gpsim.reports.quantities import ELLIPSIS, percent, shortened
-from gpsim.reports.robot_scene import THICK, poses, shown_geoms, sticks
 
 ROBOT = "robot"
 SCALE = LinearSegmentedColormap.from_list("share", ("#C9CFD6", "#F0B75A", "#D55E00", "#7F2704"))
@@ -28,12 +28,8 @@ POSTURES = 60  # of the recording, among which the one that shows most is looked
 AZIMUTHS, ELEVATIONS = range(0, 360, 15), (-10, -35, -80)  # degrees
 LEAST = 0.1  # of the mismatch: what the scale reaches at least
 ROWS, LAWS, SAID = 12, 2, 38  # joints that are listed at most, laws told of one, and their letters
-WIDE, HIGH, BELOW, ROW = (
-    5.4,
-    1.9,
-    0.45,
-    0.32,
-)  # inches: the picture, the robot at least, the scale, a joint's lines
+WIDE, HIGH = 5.4, 1.9  # inches: the picture, the robot at least
+BELOW, ROW = 0.45, 0.32  # inches: the scale, a joint's lines
 BESIDE = 3.0  # inches: where the list begins
 AMBIENT = 0.6  # of the light: colours can be told apart in the shade, too
 DOTS = 200  # an inch of the rendered robot, and of the picture

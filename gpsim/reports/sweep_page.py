@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from gpsim.reports.canvas import colours, data_uri, page_of, panels, resource, style
-from gpsim.reports.sheets import Cell, Sheet, row, significant
+from gpsim.reports.sheets import Cell, Sheet, row, sheet, significant
 
 SEED = "seed"
 MAIN = (
@@ -49,21 +49,19 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
 
 def main_figures(swept: Sequence[str], table: pd.DataFrame) -> list[str]:
     """The columns that a page shows, at most MOST."""
+
+    def repeats(name: str) -> bool:
+        """Whether a figure says no more than a setting that is swept, as the rows of a fit do."""
+        values = table[name].astype(float) if _numeric(table, name) else None
+        keys = [key for key in swept if _numeric(table, key)]
+        return values is not None and any(values.equals(table[key].astype(float)) for key in keys)
+
     found = [name for name in table.columns if name not in (*swept, "sha256", "error")]
-    varying = [name for name in found if table[name].notna().any() and not _repeats(name, swept, table)]
+    varying = [name for name in found if table[name].notna().any() and not repeats(name)]
     main = [name for name in varying if name.startswith(MAIN) and _is_mean(name)]
-    sets = [name for name in main if name.startswith("returns_certified.")]
-    if sets:  # the same returns over all starts say it once more
+    if any(name.startswith("returns_certified.") for name in main):  # over all starts they say it once more
         main = [name for name in main if not name.startswith("returns_all.")]
     return (main or varying)[:MOST]
-
-
-def _repeats(name: str, swept: Sequence[str], table: pd.DataFrame) -> bool:
-    """Whether a figure says no more than a setting that is swept, as the rows of a fit do."""
-    if not _numeric(table, name):
-        return False
-    values = table[name].astype(float)
-    return any(values.equals(table[key].astype(float)) for key in swept if _numeric(table, key))
 
 
 def _is_mean(name: str) -> bool:
@@ -128,15 +126,12 @@ def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame)
     columns = (*others, "seeds", *map(_heading, numbers))
     if SEED not in swept or not numbers:
         return Sheet("Over seeds", columns, ())
-    groups = table.groupby(others, sort=False, dropna=False) if others else [((), table)]
     rows = []
-    for key, group in groups:
+    for key, group in table.groupby(others, sort=False, dropna=False) if others else [((), table)]:
         values = key if isinstance(key, tuple) else (key,)
-        cells = [Cell(str(value)) for value in values]
-        cells.append(Cell(str(int(group["error"].isna().sum()))))
-        cells += [Cell(_spread(group[name].dropna())) for name in numbers]
-        rows.append(row(*cells))
-    return Sheet("Over seeds: mean ± standard deviation", columns, tuple(rows), labels=len(others) + 1)
+        count = str(int(group["error"].isna().sum()))
+        rows.append([*map(str, values), count, *(_spread(group[name].dropna()) for name in numbers)])
+    return sheet("Over seeds: mean ± standard deviation", columns, rows, labels=len(others) + 1)
 
 
 def _spread(values: Any) -> str:
@@ -147,18 +142,18 @@ def _spread(values: Any) -> str:
 
 
 def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
-    failed = bool(table["error"].notna().any())
-    columns = (*swept, *map(_heading, shown), *(("error",) if failed else ()))
-    rows = []
-    for record in table.head(MOST_ROWS).to_dict("records"):
-        cells = [Cell(str(record[name])) for name in swept]
-        cells += [Cell(_text(record[name])) for name in shown]
-        cells += (
-            [Cell("" if pd.isna(record["error"]) else str(record["error"]), marked=True)] if failed else []
+    failed = ["error"] if table["error"].notna().any() else []
+    rows = (
+        row(
+            *(str(record[name]) for name in swept),
+            *(_text(record[name]) for name in shown),
+            *(Cell("" if pd.isna(record[e]) else str(record[e]), marked=True) for e in failed),
         )
-        rows.append(row(*cells))
+        for record in table.head(MOST_ROWS).to_dict("records")
+    )
     note = f"The first {MOST_ROWS} points; all are in sweep.csv." if len(table) > MOST_ROWS else ""
-    return Sheet("Every point", columns, tuple(rows), labels=len(swept), note=note)
+    heads = (*swept, *map(_heading, shown), *failed)
+    return sheet("Every point", heads, rows, labels=len(swept), note=note)
 
 
 def _text(value: Any) -> str:

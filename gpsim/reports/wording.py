@@ -1,40 +1,81 @@
-"""Effects in words: what a person would say of each."""
+"""The sentences that diagnosis.json holds: what a person would say of each effect, and what to record next."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.effects import FAMILIES
-from gpsim.findings import (
-    Claims,
-    Combination,
-    Discrimination,
-    Estimate,
-    Excitation,
-    NamedEffect,
-    NoGp,
-    Remainder,
-    Separation,
-)
+from gpsim.findings import Claims, Combination, Discrimination, Estimate, NamedEffect, NoGp, Remainder, Shape
 from gpsim.reports.account_effects import curve_sentence
-from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text
-from gpsim.reports.geometry_text import with_sentences
+from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text, with_sentences
 
 OFF = "{on} is {offset} off what the simulator believes"
 """Of a parameter that may be 0, as a place may."""
+EXCITATIONS: Mapping[Shape, str] = {
+    "constant": "a constant {action} of {size:.3g}",
+    "slow wave": "a slow wave of {action} with amplitude {size:.3g}",
+    "fast wave": "a fast wave of {action} with amplitude {size:.3g}",
+    "random levels": "random levels of {action} up to {size:.3g}",
+}
+NOBODY_TELLS_APART = (
+    "{who} predict the same for every excitation that was tried: no recording of these channels separates them; "
+    "measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
+)
+UNSEEN = "training data that it had not seen"
+NO_GP = {
+    "no structure": "it has no structure",
+    "not fitted": "it could not be fitted",
+    "not written": "it could not be written down",
+    "explains nothing": f"it would explain nothing of {UNSEEN}",
+    "harms": f"it would make the error in {{channel}} {{when}} {{times:.2g}} times as large on {UNSEEN}",
+}
+
+
+def worded(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with every sentence that diagnosis.json holds; those that it has already stay as they are."""
+    advice = diagnosis.discrimination
+    return replace(
+        diagnosis,
+        effects=_with_sentences(diagnosis.effects),
+        alternatives=tuple(
+            replace(rival, effects=_with_sentences(rival.effects)) for rival in diagnosis.alternatives
+        ),
+        tell_apart=tell_apart_text(advice) if advice and not diagnosis.tell_apart else diagnosis.tell_apart,
+        remainder=_with_reason(diagnosis.remainder),
+        combinations=tuple(_with_directions(combination) for combination in diagnosis.combinations),
+        log_facts=diagnosis.log_facts or tuple(log_fact_text(fact) for fact in diagnosis.facts),
+        kinematics=with_sentences(diagnosis.kinematics),
+    )
+
+
+def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
+    return tuple(
+        replace(
+            e,
+            sentence=e.sentence or (curve_sentence(e) if e.curve is not None else effect_sentence(e)),
+            implausible=e.implausible or implausible_text(e),
+        )
+        for e in effects
+    )
+
+
+def _with_directions(combination: Combination) -> Combination:
+    fixed, open_ = combination.fixed or fixed_text(combination), combination.open or open_text(combination)
+    return replace(combination, fixed=fixed, open=open_)
+
+
+def _with_reason(remainder: Remainder) -> Remainder:
+    gp = remainder.gp
+    if gp is None or gp.refused is None or gp.why_not:
+        return remainder
+    return replace(remainder, gp=replace(gp, why_not=no_gp_text(gp.refused)))
 
 
 def effect_sentence(effect: NamedEffect) -> str:
     """What a person would say of an effect; where its family has no sentence of its own, its name and its numbers."""
-    where = "" if effect.recordings is None else f" in {', '.join(effect.recordings)}"
-    return f"{_said(effect)}{where}"
-
-
-def _said(effect: NamedEffect) -> str:
-    """The same, wherever it acts."""
     numbers = {name: estimate_text(estimate) for name, estimate in effect.parameters.items()}
     sentence = FAMILIES[effect.family].sentence if effect.family in FAMILIES else ""
     if effect.family == "parameter_offset" and "offset" in numbers:
@@ -43,10 +84,10 @@ def _said(effect: NamedEffect) -> str:
         said = sentence.format(on=effect.place, **numbers)
     except KeyError:  # somebody else's effect of that name: it has other parameters
         said = ""
-    if said:
-        return said
-    told = ", ".join(f"{name} {number}" for name, number in numbers.items())
-    return f"{noun(effect.family)} on {effect.place} ({told}) was left out"
+    if not said:
+        told = ", ".join(f"{name} {number}" for name, number in numbers.items())
+        said = f"{noun(effect.family)} on {effect.place} ({told}) was left out"
+    return said + ("" if effect.recordings is None else f" in {', '.join(effect.recordings)}")
 
 
 def implausible_text(effect: NamedEffect) -> str | None:
@@ -77,103 +118,29 @@ def estimate_text(estimate: Estimate) -> str:
     return f"{estimate.value:.4g} {estimate.unit}".removesuffix(" 1")
 
 
-EXCITATIONS = {
-    "constant": "a constant {action} of {size:.3g}",
-    "slow wave": "a slow wave of {action} with amplitude {size:.3g}",
-    "fast wave": "a fast wave of {action} with amplitude {size:.3g}",
-    "random levels": "random levels of {action} up to {size:.3g}",
-}
-NOBODY_TELLS_APART = (
-    "{who} predict the same for every excitation that was tried: no recording of these channels separates them; "
-    "measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
-)
-UNSEEN = "training data that it had not seen"
-
-
-def worded(diagnosis: Diagnosis) -> Diagnosis:
-    """The diagnosis with every sentence that diagnosis.json holds; those that it has already stay as they are."""
-    advice = diagnosis.discrimination
-    return replace(
-        diagnosis,
-        effects=_with_sentences(diagnosis.effects),
-        alternatives=tuple(
-            replace(rival, effects=_with_sentences(rival.effects)) for rival in diagnosis.alternatives
-        ),
-        tell_apart=tell_apart_text(advice) if advice and not diagnosis.tell_apart else diagnosis.tell_apart,
-        remainder=_with_reason(diagnosis.remainder),
-        combinations=tuple(_with_directions(combination) for combination in diagnosis.combinations),
-        log_facts=diagnosis.log_facts or tuple(log_fact_text(fact) for fact in diagnosis.facts),
-        kinematics=with_sentences(diagnosis.kinematics),
-    )
-
-
 def tell_apart_text(advice: Discrimination) -> str:
     """What to record next; of the rivals that no recording separates, what to do instead."""
-    said = [_separation(recording) for recording in advice.recordings]
-    if advice.inseparable:
-        who = ", ".join(_both(pair) for pair in advice.inseparable)
-        said.append(NOBODY_TELLS_APART.format(who=who))
-    return "; ".join(said)
-
-
-def no_gp_text(why: NoGp) -> str:
-    """Why no Gaussian process models what is left."""
-    if why.reason == "no structure":
-        return "it has no structure"
-    if why.reason == "not fitted":
-        return "it could not be fitted"
-    if why.reason == "not written":
-        return "it could not be written down"
-    if why.reason == "explains nothing":
-        return f"it would explain nothing of {UNSEEN}"
-    when = "after a rollout" if why.rollout else "one step ahead"
-    return f"it would make the error in {why.channel} {when} {why.times:.2g} times as large on {UNSEEN}"
-
-
-def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
-    return tuple(
-        replace(
-            e,
-            sentence=e.sentence or (curve_sentence(e) if e.curve is not None else effect_sentence(e)),
-            implausible=e.implausible or implausible_text(e),
+    said = []
+    for found in advice.recordings:
+        drive = found.excitation
+        said.append(
+            f"record {EXCITATIONS[drive.shape].format(action=drive.action, size=drive.size)}: "
+            f"{_both(found.explanations)} then differ by up to {found.difference:.3g} standard deviations of the noise "
+            f"in {found.channel}"
         )
-        for e in effects
-    )
-
-
-def _with_directions(combination: Combination) -> Combination:
-    return replace(
-        combination,
-        fixed=combination.fixed or fixed_text(combination),
-        open=combination.open or open_text(combination),
-    )
-
-
-def _with_reason(remainder: Remainder) -> Remainder:
-    gp = remainder.gp
-    if gp is None or gp.refused is None or gp.why_not:
-        return remainder
-    return replace(remainder, gp=replace(gp, why_not=no_gp_text(gp.refused)))
-
-
-def _separation(found: Separation) -> str:
-    return (
-        f"record {excitation_text(found.excitation)}: {_both(found.explanations)} then differ by up to "
-        f"{found.difference:.3g} standard deviations of the noise in {found.channel}"
-    )
-
-
-def excitation_text(excitation: Excitation) -> str:
-    """What to drive an action with."""
-    return EXCITATIONS[excitation.shape].format(action=excitation.action, size=excitation.size)
+    if advice.inseparable:
+        said.append(NOBODY_TELLS_APART.format(who=", ".join(_both(pair) for pair in advice.inseparable)))
+    return "; ".join(said)
 
 
 def _both(explanations: Sequence[Claims]) -> str:
     """What each says beyond what all of them say."""
     shared = [claim for claim in explanations[0] if all(claim in claims for claims in explanations)]
-    return " and ".join(_own(claims, shared) for claims in explanations)
+    own = [[f"{noun(c[0])} on {c[1]}" for c in claims if c not in shared] for claims in explanations]
+    return " and ".join(" with ".join(names) or "neither of them" for names in own)
 
 
-def _own(claims: Claims, shared: Sequence[tuple[str, str]]) -> str:
-    own = [f"{noun(family)} on {on}" for family, on in claims if (family, on) not in shared]
-    return " with ".join(own) or "neither of them"
+def no_gp_text(why: NoGp) -> str:
+    """Why no Gaussian process models what is left."""
+    when = "after a rollout" if why.rollout else "one step ahead"
+    return NO_GP[why.reason].format(channel=why.channel, when=when, times=why.times)

@@ -25,7 +25,7 @@ from gpsim.mjcf import Correction, MjcfSimulator, Moved, Place, planned
 from gpsim.posterior import left_open_data, posterior_of
 from gpsim.recordings import Recording, without_poses
 from gpsim.reports.account_effects import claim_name
-from gpsim.reports.geometry_text import place_name
+from gpsim.reports.diagnosis_text import place_name
 from gpsim.reports.wording import worded
 from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
@@ -156,8 +156,7 @@ def read_trace(folder: Path) -> list[Decision]:
 def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
     """Name -> picture, of those that can be drawn."""
     # Here: who calls from Python and draws nothing need not wait a second for Matplotlib.
-    from gpsim.reports.account_figures import account_figures
-    from gpsim.reports.diagnosis_figures import figures
+    from gpsim.reports.diagnosis_figures import account_figures, figures
     from gpsim.reports.robot_figure import ROBOT, robot_figure
 
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s

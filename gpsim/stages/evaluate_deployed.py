@@ -17,7 +17,7 @@ from gpsim.evaluation import path_length
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.reports.canvas import png
-from gpsim.reports.trip_figures import figure_deployed
+from gpsim.reports.loop_figures import figure_deployed
 from gpsim.stages import safety
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.import_log import (

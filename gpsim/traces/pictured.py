@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, shortest
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
 from gpsim.diagnosis.setup import Question, completed, smoothed
 from gpsim.effects import PRE_ROLL
-from gpsim.recordings import Episode, HeldOut, Recording, evenly
+from gpsim.recordings import Episode, HeldOut, evenly
 
 MOST_CUT = 6000  # windows that are cut, evenly spread
 STRETCHES = 40  # held out, among which the worst and the median are looked for
@@ -139,43 +139,41 @@ def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
         first = np.searchsorted(recording.episodes[index].t, some.t[some.episode == index, 0].min())
         rests.append((index, recording.episodes[index].t, int(first)))
     for most in (MOST_ROLLOUTS, MOST_ROLLOUTS_ALONE):
-        found = [part for rest in rests for part in _parts(*rest, length, most)]
+        found = []
+        for index, t, first in rests:  # cut into equal parts where it is long
+            rollouts = max(1, round((len(t) - first) / (length + 1)))
+            each = int(np.ceil(rollouts / np.ceil(rollouts / most))) * (length + 1)
+            lows = list(range(first, max(first + 1, len(t) - shortest(length)), each))
+            found += [
+                _Stretch(index, low, end - 1, float(t[low]))
+                for low, end in zip(lows, [*lows[1:], len(t)], strict=True)
+            ]
         if len(found) > 1:
             break
     return [found[i] for i in evenly(len(found), STRETCHES)], bool(held.any())
 
 
-def _parts(index: int, t: FloatArray, first: int, length: int, most: int) -> list[_Stretch]:
-    """The rest of an episode from sample `first` on, cut into equal parts where it is long."""
-    rollouts = max(1, round((len(t) - first) / (length + 1)))
-    each = int(np.ceil(rollouts / np.ceil(rollouts / most))) * (length + 1)
-    lows = list(range(first, max(first + 1, len(t) - shortest(length)), each))
-    ends = [*lows[1:], len(t)]
-    return [_Stretch(index, low, end - 1, float(t[low])) for low, end in zip(lows, ends, strict=True)]
-
-
 def _rolled(
     question: Question, stretches: Sequence[_Stretch], model: Hypothesis, length: int
 ) -> tuple[Windows, FloatArray]:
-    """The stretches in windows of the horizon (their `episode` is the stretch), and what the model says in them."""
-    problem = question.everything
-    parts = tuple(_slice(question.recording, stretch, length) for stretch in stretches)
+    """The stretches in windows of the horizon (their `episode` is the stretch), and what the model says in them.
+
+    Before each comes what actuators and sensors may remember, whole windows of it.
+    """
+    problem, parts, step = question.everything, list[Episode](), length + 1
+    for stretch in stretches:
+        back = min(int(np.ceil(PRE_ROLL / step)), stretch.first // step) * step
+        first, episode = stretch.first - back, question.recording.episodes[stretch.episode]
+        rows, actions = slice(first, stretch.last + 1), episode.actions[first : stretch.last]
+        parts.append(
+            replace(episode, t=episode.t[rows], states=episode.states[rows], actions=actions, weights=None)
+        )
     no_boundary = HeldOut(episodes_from=0)  # in them
-    alone = replace(question.recording, episodes=parts, held_out=no_boundary)
+    alone = replace(question.recording, episodes=tuple(parts), held_out=no_boundary)
     windows = cut(smoothed(problem, alone, model, question.hidden), problem.run.settings.windows, length)
     begins = np.array([stretch.begin for stretch in stretches])
     windows = windows.take(windows.t[:, 0] >= begins[windows.episode])
     return windows, predicted(problem, windows, model)
-
-
-def _slice(recording: Recording, stretch: _Stretch, length: int) -> Episode:
-    """The stretch with what actuators and sensors may remember before it, whole windows of it."""
-    step = length + 1
-    back = min(int(np.ceil(PRE_ROLL / step)), stretch.first // step) * step
-    first, episode = stretch.first - back, recording.episodes[stretch.episode]
-    rows = slice(first, stretch.last + 1)
-    actions = episode.actions[first : stretch.last]
-    return replace(episode, t=episode.t[rows], states=episode.states[rows], actions=actions, weights=None)
 
 
 def _errors(problem: Problem, windows: Windows, said: FloatArray, count: int) -> FloatArray:
@@ -208,23 +206,21 @@ def _trace(
     parts: Mapping[str, tuple[Windows, FloatArray]],
     errors: Mapping[str, FloatArray],
 ) -> Trace:
-    columns, episode = list(shown), question.recording.episodes[stretch.episode]
-    windows = parts[BASE][0]
+    columns, episode, windows = list(shown), question.recording.episodes[stretch.episode], parts[BASE][0]
     mine = windows.episode == index
+
+    def joined(pieces: FloatArray) -> FloatArray:
+        """Pieces (P, L + 1, C) one after the other, a row of NaN after each."""
+        gap = np.full((1, pieces.shape[2]), np.nan)
+        each = zip(pieces[mine], windows.valid[mine], strict=True)
+        return np.concatenate([part for piece, ok in each for part in (piece[ok], gap)])
+
     return Trace(
         episode.name,
         place,
         stretch.first == 0 and stretch.last == len(episode.t) - 1,
-        _joined(windows.t[mine][..., None], windows.valid[mine])[:, 0],
-        _joined(windows.measured[mine][..., columns], windows.valid[mine]),
-        {k: _joined(said[mine][..., columns], windows.valid[mine]) for k, (_, said) in parts.items()},
+        joined(windows.t[..., None])[:, 0],
+        joined(windows.measured[..., columns]),
+        {k: joined(said[..., columns]) for k, (_, said) in parts.items()},
         {k: error[index][columns] for k, error in errors.items()},
-    )
-
-
-def _joined(pieces: FloatArray, valid: BoolArray) -> FloatArray:
-    """Pieces (P, L + 1, C) one after the other, a row of NaN after each."""
-    gap = np.full((1, pieces.shape[2]), np.nan)
-    return np.concatenate(
-        [part for piece, ok in zip(pieces, valid, strict=True) for part in (piece[ok], gap)]
     )

@@ -7,7 +7,7 @@ from mjcf_models import written
 
 from gpsim.kinematics import calibrate
 from gpsim.mjcf import in_its_columns, open_simulator
-from gpsim.reports.geometry_text import found_text, geometry_lines, inseparable_text
+from gpsim.reports.diagnosis_text import found_text, geometry_lines, inseparable_text
 from gpsim.residuals import read_table
 
 FRAME_PIVOT = np.array([0.0, 0.0, 0.1])  # of the arm of six: its first joint

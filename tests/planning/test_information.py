@@ -27,16 +27,11 @@ def test_nats_are_what_is_left_of_the_difference_after_the_best_mimicry(played):
         for a, b in ((0, 1), (1, 0)):
             gap = ((said[a][0, e] - said[b][0, e]) / noise).ravel()
             size = models[b].size
-            slopes = np.stack(
-                [
-                    ((said[b][1 + j, e] - said[b][0, e]) / noise).ravel() / models[b].nudges[j]
-                    for j in range(size)
-                ]
-            ).T
+            moved = [((said[b][1 + j, e] - said[b][0, e]) / noise).ravel() for j in range(size)]
+            slopes = np.stack(moved).T / models[b].nudges
             prior = np.diag(1.0 / np.sqrt(np.diag(models[b].explanation.covariance)))
-            left = np.linalg.lstsq(
-                np.vstack([slopes, prior]), np.concatenate([gap, np.zeros(size)]), rcond=None
-            )[1]
+            wanted = np.concatenate([gap, np.zeros(size)])
+            left = np.linalg.lstsq(np.vstack([slopes, prior]), wanted, rcond=None)[1]
             ways.append(0.5 * left[0])
         assert nats[e] == pytest.approx(min(ways), rel=1e-5)
 

@@ -133,13 +133,10 @@ def test_a_singular_posterior_is_refused_and_names_the_parameter(deviation):
         planned(dataclasses.replace(posterior, explanations=(wrong, *posterior.explanations[1:])), 0.12)
 
 
-def test_settings_that_make_no_sense_are_refused():
-    for wrong in (
-        {"piece": 0.0},
-        {"probability": 1.0},
-        {"candidates": 0},
-        {"fastest": 0.7},
-        {"margin": -0.1},
-    ):
-        with pytest.raises(ValueError, match=next(iter(wrong))):
-            PlanSettings(**wrong)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("piece", 0.0), ("probability", 1.0), ("candidates", 0), ("fastest", 0.7), ("margin", -0.1)],
+)
+def test_settings_that_make_no_sense_are_refused(name, value):
+    with pytest.raises(ValueError, match=name):
+        PlanSettings(**{name: value})

@@ -136,22 +136,39 @@ def test_a_table_that_grows_is_looked_at_where_it_is_new(found, tmp_path, monkey
     assert second["stretches"][0]["begin"] == pytest.approx(60.0, abs=1.0)
 
 
-def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
-    commands = np.array([5.0, -5.0, 3.0, 0.0])
-    channels = {
-        "state": {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"},
-        "action": {"force": "N"},
-    }
-    rest = {"x": 0.1, "x_dot": 0.0, "theta": 0.0, "theta_dot": 0.0}
-    facts = {"schema": "gpsim.plan/1", "simulator": "cartpole", "dt": 0.02, "rest": rest, **channels}
+STATE = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}
+CARTPOLE = {
+    "simulator": {"name": "cartpole", "dt": 0.02, "integrator": "euler", "parameters": {}},
+    "task": {"name": "balance"},
+}
+PLAN = {
+    "schema": "gpsim.plan/1",
+    "simulator": "cartpole",
+    "dt": 0.02,
+    "state": STATE,
+    "action": {"force": "N"},
+}
+
+
+def made_plan(tmp_path, facts, table, policy=None):
+    """A finished plan of the cart-pole, and the policy that lies beside it."""
 
     def write(folder):
-        table = pd.DataFrame({"episode": [0, 0, 1, 1], "t": [0, 0.02, 0, 0.02], "force": commands})
-        table.to_csv(folder / "plan.csv", index=False)
-        (folder / "plan.yaml").write_text(yaml.safe_dump(facts))
+        pd.DataFrame(table).to_csv(folder / "plan.csv", index=False)
+        (folder / "plan.yaml").write_text(yaml.safe_dump(PLAN | facts))
+        if policy is not None:
+            write_policy(folder, policy)
 
     Store(tmp_path, "").publish(Recipe("plan", {}, {}, {}), write, out=tmp_path / "plan")
-    words = ("collect", "experiment=cartpole", "--plan", tmp_path / "plan", "--out", "played")
+    return tmp_path / "plan"
+
+
+def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
+    commands = np.array([5.0, -5.0, 3.0, 0.0])
+    rest = {"x": 0.1, "x_dot": 0.0, "theta": 0.0, "theta_dot": 0.0}
+    table = {"episode": [0, 0, 1, 1], "t": [0, 0.02, 0, 0.02], "force": commands}
+    plan = made_plan(tmp_path, {"rest": rest}, table)
+    words = ("collect", "experiment=cartpole", "--plan", plan, "--out", "played")
     code, said, error = called(monkeypatch, capfd, "--json", *words)
     assert code == 0, error
     ANSWER.validate(json.loads(said))
@@ -164,51 +181,28 @@ def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
     assert "one command every 0.02 s" in error
 
 
-CARTPOLE = {
-    "simulator": {"name": "cartpole", "dt": 0.02, "integrator": "euler", "parameters": {}},
-    "task": {"name": "balance"},
-}
-
-
 def upright_policy(tmp_path):
     """A finished policy that pushes to the right with the more certainty the further the pole leans there."""
     gains = np.array([[1.0, 2.0, 30.0, 6.0]], dtype=np.float32)
-    weights = {
+    layer = {
         "layer.0.weight": np.vstack([-0.1 * gains, 0.1 * gains]),
         "layer.0.bias": np.zeros(2, np.float32),
     }
-    policy = Policy(weights, np.ones(4, np.float32))
+    policy = Policy(layer, np.ones(4, np.float32))
     recipe = Recipe("train-source", CARTPOLE, {}, {})
     Store(tmp_path, "").publish(recipe, lambda folder: write_policy(folder, policy), out=tmp_path / "policy")
     return tmp_path / "policy", policy
 
 
 def test_a_stand_in_plays_a_plan_around_the_policy_that_lies_beside_it(tmp_path, monkeypatch, capfd):
-    _, policy = upright_policy(tmp_path)
-    state = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}
     dithers = 1.5 * np.sign(np.sin(0.2 * np.arange(300)))
     facts = {
-        "schema": "gpsim.plan/1", "simulator": "cartpole", "dt": 0.02, "state": state, "action": {"force": "N"},
-        "rest": dict.fromkeys(state, 0.0), "commands": {"force": [-4.0, 4.0]}, "rates": {"force": None},
+        "rest": dict.fromkeys(STATE, 0.0), "commands": {"force": [-4.0, 4.0]}, "rates": {"force": None},
         "rest_commands": {"force": 0.0}, "policy": {"sha256": "0" * 64, **CARTPOLE},
     }  # fmt: skip
-
-    def write(folder):
-        table = pd.DataFrame({"t": 0.02 * np.arange(300), "force_dither": dithers})
-        table.to_csv(folder / "plan.csv", index=False)
-        (folder / "plan.yaml").write_text(yaml.safe_dump(facts))
-        write_policy(folder, policy)
-
-    Store(tmp_path, "").publish(Recipe("plan", {}, {}, {}), write, out=tmp_path / "plan")
-    words = (
-        "collect",
-        "experiment=cartpole",
-        "target.friction=0.02",
-        "--plan",
-        tmp_path / "plan",
-        "--out",
-        "played",
-    )
+    table = {"t": 0.02 * np.arange(300), "force_dither": dithers}
+    plan = made_plan(tmp_path, facts, table, upright_policy(tmp_path)[1])
+    words = ("collect", "experiment=cartpole", "target.friction=0.02", "--plan", plan, "--out", "played")
     code, _, error = called(monkeypatch, capfd, *words)
     assert code == 0, error
     (episode,) = gpsim.read_recording("played").episodes
@@ -232,16 +226,7 @@ def test_a_policy_of_another_machine_and_what_is_no_policy_are_refused(found, tm
 def test_a_log_that_is_none_is_refused(found, tmp_path, monkeypatch, capfd):
     (tmp_path / "other.jsonl").write_text('{"recording": 1}\n')
     frame(0.5).to_csv("a.csv", index=False)
-    code, _, error = called(
-        monkeypatch,
-        capfd,
-        "watch",
-        "a.csv",
-        "--diagnosis",
-        found,
-        "--once",
-        "--log",
-        tmp_path / "other.jsonl",
-    )
+    words = ("watch", "a.csv", "--diagnosis", found, "--once", "--log", tmp_path / "other.jsonl")
+    code, _, error = called(monkeypatch, capfd, *words)
     assert code == 2
     assert "line 1 is none of a watch" in error

@@ -10,22 +10,11 @@ import pytest
 
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice
 
-POLICIES = {
-    "Source": 0.0,
-    "Domain randomisation": 0.3,
-    "GP-Mean": 0.9,
-    "GP-Sample": 0.98,
-    "Target": 1.0,
-}
+POLICIES = {"Source": 0.0, "Domain randomisation": 0.3, "GP-Mean": 0.9, "GP-Sample": 0.98, "Target": 1.0}
 STATES = ("x", "x_dot", "theta", "theta_dot")
-UNITS = {
-    "x": "m",
-    "x_dot": "m/s",
-    "theta": "rad",
-    "theta_dot": "rad/s",
-    "x_acc": "m/s^2",
-    "theta_acc": "rad/s^2",
-}
+UNITS = dict(
+    zip((*STATES, "x_acc", "theta_acc"), ("m", "m/s", "rad", "rad/s", "m/s^2", "rad/s^2"), strict=True)
+)
 MakeReport = Callable[..., LoopReport]
 
 
@@ -83,26 +72,18 @@ def _stats(returns: np.ndarray) -> dict[str, Any]:
     """As in summary.json; the intervals are made up, bootstrapping them would take the tests' time."""
     mean, middle = float(returns.mean()), float(np.median(returns))
     return {
-        "mean": mean,
-        "std": float(returns.std()),
-        "episodes": returns.size,
-        "interval": [mean - 7.3, mean + 6.1],
-        "iqm": middle,
-        "iqm_interval": [middle - 9.2, middle + 8.4],
-        "by_seed": returns.mean(axis=1).tolist(),
-    }
+        "mean": mean, "std": float(returns.std()), "episodes": returns.size, "interval": [mean - 7.3, mean + 6.1],
+        "iqm": middle, "iqm_interval": [middle - 9.2, middle + 8.4], "by_seed": returns.mean(axis=1).tolist(),
+    }  # fmt: skip
 
 
 def _scores(nrmse: float) -> dict[str, Any]:
     errors = {"nrmse": nrmse, "nrmse_std": nrmse / 3, "r2": 1.0 - nrmse**2, "rmse": 20 * nrmse}
+    coverage = {"0.5": 0.46 + nrmse, "0.9": 0.87 + nrmse, "0.99": 0.955 + nrmse}
     return {
-        "mean": errors,
-        "sample": {**errors, "nrmse": 2 * nrmse},
-        "negative_log_likelihood": -1.0 - nrmse,
-        "coverage": {"0.5": 0.46 + nrmse, "0.9": 0.87 + nrmse, "0.99": 0.955 + nrmse},
-        "predicted_std": 0.02,
-        "range": 20.0,
-    }
+        "mean": errors, "sample": {**errors, "nrmse": 2 * nrmse}, "negative_log_likelihood": -1.0 - nrmse,
+        "coverage": coverage, "predicted_std": 0.02, "range": 20.0,
+    }  # fmt: skip
 
 
 def _rollout() -> dict[str, Any]:
@@ -134,25 +115,13 @@ def _slice(rate: str) -> ResidualSlice:
 
 def _fit() -> dict[str, Any]:
     hyper = {
-        "signal_std": 0.5,
-        "lengthscales": [1.5, 777.0],
-        "linear_stds": [0.25, 0.001],
-        "noise_std": 0.001,
-    }
+        "signal_std": 0.5, "lengthscales": [1.5, 777.0], "linear_stds": [0.25, 0.001], "noise_std": 0.001,
+    }  # fmt: skip
     rate = {
-        "outcome": "likelihood_settled",
-        "advice": "The fit converged.",
-        "converged": True,
-        "log_marginal_likelihood": 428.3,
-        "initial_log_marginal_likelihood": 2.0,
-        "hyper_parameters": hyper,
-        "hyper_parameters_original": {**hyper, "noise_std": 0.0094},
-        "evaluations": 60,
-        "rows": 80,
-    }
-    return {
-        "inputs": ["x", "sign(x_dot)"],
-        "rows": 80,
-        "rates": {"x_acc": rate, "theta_acc": rate},
-        "warnings": ["x_acc: noise <floor>"],
-    }
+        "outcome": "likelihood_settled", "advice": "The fit converged.", "converged": True,
+        "log_marginal_likelihood": 428.3, "initial_log_marginal_likelihood": 2.0, "hyper_parameters": hyper,
+        "hyper_parameters_original": {**hyper, "noise_std": 0.0094}, "evaluations": 60, "rows": 80,
+    }  # fmt: skip
+    warned = ["x_acc: noise <floor>"]
+    rates = {"x_acc": rate, "theta_acc": rate}
+    return {"inputs": ["x", "sign(x_dot)"], "rows": 80, "rates": rates, "warnings": warned}

@@ -1,4 +1,4 @@
-"""The account: what each verdict says, of which figures, and what it keeps to itself."""
+"""The account: what each verdict says, of which figures, and what it keeps to itself; and as a piece of a notebook."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_location, made_remainder
+from pages import check_fragment
 from rich_diagnoses import (
     RICH,
     TELL,
     ambiguous,
     friction,
     gain,
+    measured,
     named,
     partial,
     share,
@@ -21,145 +23,165 @@ from rich_diagnoses import (
 )
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.findings import Combination, Explained, LogFact, Odds, Share
+from gpsim.findings import Combination, Explained, LogFact, MeasuredCurve, Odds, Share
 from gpsim.reports.account import account_of
-from gpsim.reports.account_lines import account_lines
+from gpsim.reports.account_lines import COLUMNS, LINES, account_lines
+from gpsim.reports.diagnosis_figures import Picture
+from gpsim.reports.diagnosis_page import account_fragment
 from gpsim.reports.statistics_text import effects_sheet, statistics
 
 SURE = replace(named(), combinations=())
 VAGUE = viscous(parameters={"damping": size(1.0, 0.6, "N s/m")}, form="holds")
 HELD = friction(parameters={"force": size(8.7, 0.1, "N", at_bound=True)})
+DRAG = (("quadratic_drag", "x"),)
+GATED = friction(region={"x": (-1.1, -0.4)}, since=63.6)
+OWN = replace(
+    named(),
+    combinations=(
+        Combination(of=("cart_mass", "force gain"), fixed="their ratio", open="both scaled alike"),
+    ),
+    log_facts=("it rained",),
+    facts=(LogFact("late", "x", value=0.03, unit="s"),),
+)
+JOINTS = [f"joint_with_a_long_name_{i}" for i in (10, 2, 1, 3, 4, 5)]
+EVIL = "</style><script>alert(1)</script><img src=x onerror=alert(1)>\"'&"
 
 
 def said(diagnosis, **given):
     return " ".join(" ".join(account_lines(account_of(diagnosis, **given))).split())
 
 
+def judged(on):
+    return replace(named(), explained=Explained(rollout=Share(0.97), judged_on=on))
+
+
 @pytest.mark.parametrize(
-    ("verdict", "words"),
+    ("found", "words"),
     [
-        ("named", "named: the effects below explain 97 % (95 to 98) of the mismatch; no other"),
-        ("ambiguous", "97 % (95 to 98) of the mismatch, but these data cannot tell it apart from another"),
-        ("partial", "93 % (88 to 96) of the mismatch, but the law of viscous friction on x holds only approximately"),
-        ("unknown", "unknown: something is missing; the best explanation covers 21 % (10 to 34) of it"),
-        ("none", "none: nothing is missing that this recording could show"),
+        (named(), "named: the effects below explain 97 % (95 to 98) of the mismatch; no other explanation does as well."),
+        (ambiguous(), "97 % (95 to 98) of the mismatch, but these data cannot tell it apart from another explanation."),
+        (partial(), "93 % (88 to 96) of the mismatch, but the law of viscous friction on x holds only approximately"),
+        (unknown(), "something is missing; the best explanation covers 21 % (10 to 34) of it, too little to name it."),
+        (RICH["none"](), "nothing is missing that this recording could show"),
+        (replace(partial(), effects=(friction(),)), "Coulomb friction on x explains 93 % (88 to 96) of the mismatch; the rest is"),
+        (replace(partial(), explained=Explained(rollout=Share(0.66, 0.58, 0.73))), "the rest is unexplained"),
+        (replace(named(), alternatives=ambiguous().alternatives), "differ in small corrections only"),
+        (judged("cross-fitted rollouts"), "97 % of the mismatch (cross-fitted"),
+        (judged("fit windows"), "97 % of the mismatch (on its own training data"),
+        (judged("held-out rollouts"), "97 % of the mismatch;"),
     ],
 )  # fmt: skip
-def test_the_verdict_says_how_much_is_explained(verdict, words):
-    assert words in said(RICH[verdict]())
-
-
-def test_a_partial_account_whose_laws_hold_says_that_the_rest_has_no_name():
-    held = replace(partial(), effects=(friction(),))
-    assert "Coulomb friction on x explains 93 % (88 to 96) of the mismatch; the rest is unexplained" in said(
-        held
-    )
+def test_the_verdict_says_how_much_is_explained_and_what_keeps_it_from_being_named(found, words):
+    assert words in account_of(found).sentence or words in said(found)
 
 
 @pytest.mark.parametrize(
-    ("judged_on", "words"),
-    [("cross-fitted rollouts", "cross-fitted"), ("fit windows", "on its own training data")],
+    ("found", "words"),
+    [
+        (ambiguous(), "; viscous friction on x"),
+        (unknown(), "98 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot and force"),
+        (replace(named(), location=made_location(channels={"x_acc": 0.9}, region={"x": (-1.1, -0.4)}, since=63.6)),
+         "only where x in [-1.1, -0.4]; since t = 63.60 s"),
+        (made_diagnosis(verdict="named", effects=(made_effect(),)), "diverged → diverged"),
+        (partial(), "the log: the clock jitters by 0.4 ms"),
+        (partial(), "one step ahead only 28 % of theta_acc is explained"),
+        (partial(), "7 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot"),
+        (named(), "the log: 3 samples of theta repeat the one before, theta is quantised to 0.001 rad and 12 samples"),
+        (named(), "only cart_mass / force gain = 2.50 (2.40 to 2.60) is fixed; both may be scaled alike"),
+        (OWN, "the log: it rained"),
+        (OWN, "of cart_mass and force gain only their ratio is fixed; both scaled alike"),
+        (replace(named(), effects=(named().effects[0], gain(role="slight"))), "the effects below explain"),
+    ],
+)  # fmt: skip
+def test_what_was_found_where_and_what_is_left_is_in_the_terminals_account(found, words):
+    assert words.removeprefix("; ") in said(found)
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        *(
+            (make(), word) for make in RICH.values() for word in (" nats", "e-1", "p =")
+        ),  # for statisticians alone
+        (replace(named(), verdict="partial", effects=(friction(), gain(form="approximate"))), "roughly"),
+        (
+            replace(unknown(), effects=(friction(),)),
+            "friction",
+        ),  # whatever a file of an earlier version holds
+        (replace(named(), effects=(named().effects[0],)), "the effects below explain"),
+    ],
 )
-def test_what_the_share_is_judged_on_is_said_where_it_is_not_held_out(judged_on, words):
-    found = Explained(rollout=Share(0.97), judged_on=judged_on)
-    assert words in account_of(replace(named(), explained=found)).sentence
-    assert words not in account_of(named()).sentence
-    assert "97 % of the mismatch" in account_of(replace(named(), explained=found)).sentence  # no interval
+def test_what_is_not_told(found, words):
+    assert words not in said(found)
+
+
+def test_the_statistics_are_told_below():
+    assert "p = 8.7e-154" in " ".join(statistics(partial()))
+    assert len(effects_sheet(partial()).rows) == 4
+    first, *_ = account_of(replace(partial(), remainder=made_remainder(structured=True))).left
+    assert first == "7 % of the mismatch is unexplained"
 
 
 def test_headline_effects_stand_by_importance_and_slight_ones_apart():
     account = account_of(named())
-    assert [row.effect for row in account.rows] == ["Coulomb friction on x", "viscous friction on x"]
-    assert [row.percent for row in account.rows] == ["74 %", "19 %"]
-    assert [row.certainty for row in account.rows] == ["sure", "120 to 1"]
+    assert [(row.effect, row.percent, row.certainty) for row in account.rows] == [
+        ("Coulomb friction on x", "74 %", "sure"),
+        ("viscous friction on x", "19 %", "120 to 1"),
+    ]
     assert (
         account.slight == "small corrections, not claims: actuator gain on force (0.930 ± 0.012 times, 1 %)"
     )
     assert account.slight in said(named())
-
-
-def test_what_is_no_claim_and_makes_much_of_the_mismatch_is_not_called_small():
-    redundant = gain(importance=Share(0.4, 0.2, 0.6))
-    slight = account_of(replace(named(), effects=(friction(), redundant))).slight
-    assert slight.startswith("not claims, because other effects could replace them: actuator gain on force")
-
-
-def test_only_the_forms_of_headline_effects_count():
-    bent = replace(named(), verdict="partial", effects=(friction(), gain(form="approximate")))
-    assert "roughly" not in said(bent)
+    redundant = replace(named(), effects=(friction(), gain(importance=Share(0.4, 0.2, 0.6))))
+    assert account_of(redundant).slight.startswith("not claims, because other effects could replace them")
+    nothing = replace(named(), effects=(viscous(importance=share(-0.02)), friction()))
+    assert [row.percent for row in account_of(nothing).rows] == ["74 %", "-2 %"]
 
 
 @pytest.mark.parametrize(
-    ("form", "words"), [("holds", "yes"), ("approximate", "roughly"), ("untested", "not tested")]
+    ("effect", "part", "words"),
+    [
+        (friction(form="holds"), "law", "yes"),
+        (friction(form="approximate"), "law", "roughly"),
+        (friction(form="untested"), "law", "not tested"),
+        (friction(odds=Odds(0.2, DRAG)), "certainty", "undecided"),
+        (friction(odds=Odds(0.2, DRAG)), "instead", "cannot be told apart from quadratic drag on x"),
+        (friction(odds=Odds(4.0, DRAG)), "certainty", "55 to 1"),
+        (friction(odds=Odds(4.0, DRAG)), "instead", ""),
+        (GATED, "gate", ""),  # which `where` says already
+        (measured(), "sizes", (("", "-11.9 to 11.9 N"),)),
+    ],
 )
-def test_whether_a_law_holds_is_said_in_words(form, words):
-    (row,) = account_of(replace(named(), effects=(friction(form=form),))).rows
-    assert row.law == words
+def test_a_row_says_whether_a_law_holds_how_sure_it_is_and_where_it_acts(effect, part, words):
+    (row,) = account_of(replace(named(), effects=(effect,))).rows
+    assert getattr(row, part) == words
+
+
+def test_an_effect_among_others_says_where_it_acts():
+    both = account_of(replace(named(), effects=(GATED, viscous())))
+    assert both.rows[0].gate == "only where x in [-1.1, -0.4], since t = 63.60 s"
 
 
 def test_an_unknown_mismatch_has_no_names():
-    """Whatever a file of an earlier version holds: an account that explains too little is not told."""
-    found = replace(unknown(), effects=(friction(),))
-    account = account_of(found)
+    account = account_of(replace(unknown(), effects=(friction(),)))
     assert (account.rows, account.slight, account.rivals) == ((), "", ())
-    told = said(found)
-    assert "friction" not in told
-    assert (
-        "98 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot and force"
-        in told
-    )
-    assert "What" not in told.split()
+    assert "What" not in said(unknown()).split()
 
 
-def test_what_all_explanations_share_stands_apart():
+def test_what_all_explanations_share_stands_apart_unless_it_is_slight():
     certain, undecided = account_of(ambiguous()).rivals
     assert certain.endswith(": viscous friction on x")
     assert undecided == (
         "either Coulomb friction on x and actuator gain on force (62 %) or actuator dead zone on force (38 %); "
         "the table shows the likeliest"
     )
-
-
-def test_rivals_that_claim_the_same_are_no_alternatives_to_weigh():
-    shown = account_of(replace(named(), alternatives=ambiguous().alternatives))
-    assert "differ in small corrections only" in shown.sentence
-    assert not list(shown.rivals)
-
-
-def test_where_much_has_no_name_that_is_said_whatever_the_laws_do():
-    short = Explained(rollout=Share(0.66, 0.58, 0.73))
-    shown = account_of(replace(partial(), explained=short)).sentence
-    assert "the rest is unexplained" in shown
-    assert "only approximately" not in shown
-
-
-def test_what_only_a_statistician_asks_is_no_part_of_the_account():
-    for make in RICH.values():
-        told = said(make())
-        assert " nats" not in told
-        assert "e-1" not in told
-        assert "p =" not in told
-    below = " ".join(statistics(partial()))
-    assert "p = 8.7e-154" in below
-    assert len(effects_sheet(partial()).rows) == 4
-
-
-def test_what_is_left_says_how_much_where_and_on_what_it_depends():
-    first, *others = account_of(partial()).left
-    assert first == "7 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot"
-    assert "the log: the clock jitters by 0.4 ms" in others
-    assert "one step ahead only 28 % of theta_acc is explained" in others
-    first, *_ = account_of(replace(partial(), remainder=made_remainder(structured=True))).left
-    assert first == "7 % of the mismatch is unexplained"
-
-
-def test_facts_of_the_log_and_combinations_are_left_too():
-    left = account_of(named()).left
-    assert (
-        "the log: 3 samples of theta repeat the one before, theta is quantised to 0.001 rad and 12 samples of x leap "
-        "and were left out"
-    ) in left
-    assert "only cart_mass / force gain = 2.50 (2.40 to 2.60) is fixed; both may be scaled alike" in left
+    assert not account_of(replace(named(), alternatives=ambiguous().alternatives)).rivals
+    found = ambiguous()
+    rivals = tuple(replace(rival, effects=found.effects) for rival in found.alternatives)
+    slight = tuple(replace(effect, role="slight") for effect in found.effects[1:])
+    several = [(found.effects[0], *slight), found.effects[:1]]
+    told = [account_of(replace(found, effects=effects, alternatives=rivals)).rivals for effects in several]
+    assert told[0][0] == told[1][0]
 
 
 @pytest.mark.parametrize(
@@ -173,6 +195,7 @@ def test_facts_of_the_log_and_combinations_are_left_too():
         (replace(SURE, effects=(HELD,)), "record more of what Coulomb friction on x does: its size is at the limit"),
         (replace(SURE, remainder=made_remainder(structured=True)), "use it"),
         (replace(SURE, verdict="partial", remainder=made_remainder(structured=True)), "record slow and fast sweeps of every command"),
+        (replace(SURE, effects=(measured(visited=(-0.64, 0.5)),)), "record x_dot beyond [-0.64, 0.5] m/s, "),
     ],
 )  # fmt: skip
 def test_the_next_recording_is_the_one_that_would_help_most(found, said):
@@ -200,15 +223,11 @@ def test_the_command_trains_in_what_was_found(make, folder, simulator, command):
 
 def test_errors_stand_before_and_after():
     one, rollout = account_of(named()).fit
-    assert [change.said for change in one.changes] == [
-        "9.2 → 0.11 m/s² (noise 0.099)",
-        "13 → 2.0 rad/s² (noise 1.8)",
-    ]
+    assert [c.said for c in one.changes] == ["9.2 → 0.11 m/s² (noise 0.099)", "13 → 2.0 rad/s² (noise 1.8)"]
     assert rollout.title == "after 1 s"
     assert rollout.changes[0].said == "0.62 → 0.010 m"
     assert account_of(RICH["none"]()).fit[1].changes[0].said == "0.62 m"
     assert account_of(unknown()).fit[1].changes[0].said == "0.62 → 0.056 m"  # by the Gaussian process
-    assert "diverged → diverged" in said(made_diagnosis(verdict="named", effects=(made_effect(),)))
 
 
 def test_files_of_the_first_version_are_told_as_far_as_they_go():
@@ -228,58 +247,61 @@ def test_files_of_the_first_version_are_told_as_far_as_they_go():
     assert "None" not in told
 
 
-def test_an_effect_among_others_says_where_it_acts():
-    gated = friction(region={"x": (-1.1, -0.4)}, since=63.6)
-    alone = account_of(replace(named(), effects=(gated,)))
-    assert alone.rows[0].gate == ""  # which `where` says already
-    both = account_of(replace(named(), effects=(gated, viscous())))
-    assert both.rows[0].gate == "only where x in [-1.1, -0.4], since t = 63.60 s"
-    place = made_location(channels={"x_acc": 0.9}, region={"x": (-1.1, -0.4)}, since=63.6)
-    assert "only where x in [-1.1, -0.4]; since t = 63.60 s" in said(replace(named(), location=place))
-
-
-def test_words_that_a_file_holds_are_kept():
-    own = replace(
-        named(),
-        combinations=(
-            Combination(of=("cart_mass", "force gain"), fixed="their ratio", open="both scaled alike"),
-        ),
-        log_facts=("it rained",),
-        facts=(LogFact("late", "x", value=0.03, unit="s"),),
+def test_a_measured_curve_is_told_by_where_it_goes():
+    of = {"quantity": "force on q", "unit": "N", "input": "q_dot", "input_unit": "m/s", "freedom": 8.1}
+    at, values = (-0.64, -0.36, 0.0, 0.5), (2.2, 3.07, 0.0, -2.94)
+    curve = MeasuredCurve(**of, at=at, values=values, visited=(-0.64, 0.5))
+    earlier = replace(curve, at=(-1.0, 1.0), values=(-0.5, 0.5, -1.0, 1.0))  # a map of two inputs
+    effect = friction(family="force_curve", on="q", curve=curve)
+    both = replace(partial(), effects=(effect, replace(effect, curve=earlier)))
+    assert account_of(both).rivals == (
+        "no catalogue law for force on q over q_dot; it goes from 2.2 N at q_dot = -0.64 m/s over 3.07 at -0.36 to "
+        "-2.94 at 0.5",
+        "no catalogue law for force on q over q_dot; it lies between -1 and 1 N",
     )
-    left = account_of(own).left
-    assert "the log: it rained" in left
-    assert "of cart_mass and force gain only their ratio is fixed; both scaled alike" in left
+    assert [row.effect for row in account_of(both).rows] == ["measured force on q"] * 2
 
 
-def test_an_effect_that_the_odds_leave_open_names_what_could_replace_it():
-    drag = (("quadratic_drag", "x"),)
-    (row,) = account_of(replace(named(), effects=(friction(odds=Odds(0.2, drag)),))).rows
-    assert (row.certainty, row.instead) == ("undecided", "cannot be told apart from quadratic drag on x")
-    (row,) = account_of(replace(named(), effects=(friction(odds=Odds(4.0, drag)),))).rows
-    assert (row.certainty, row.instead) == ("55 to 1", "")
-
-
-def test_importance_decides_the_order_and_is_no_claim_where_it_is_nothing():
-    rows = account_of(replace(named(), effects=(viscous(importance=share(-0.02)), friction()))).rows
-    assert [row.percent for row in rows] == ["74 %", "-2 %"]
-
-
-def test_what_slight_effects_explain_is_not_credited_to_the_one_claim():
-    """Cart friction of 66 % was said to explain 99.7 %, a delay of 43 % to explain 85 %."""
-    alone = named().effects[0]
-    beside = replace(gain(), role="slight")
-    assert "the effects below explain" in said(replace(named(), effects=(alone, beside)))
-    assert "the effects below explain" not in said(replace(named(), effects=(alone,)))
-
-
-def test_what_is_slight_is_not_certain_though_all_explanations_share_it():
-    found = ambiguous()
-    slight = tuple(replace(effect, role="slight") for effect in found.effects[1:])
-    rivals = tuple(replace(rival, effects=found.effects) for rival in found.alternatives)
-    shared = account_of(replace(found, effects=(found.effects[0], *slight), alternatives=rivals)).rivals
-    assert [line for line in shared if line.startswith("in every")] == [
-        line
-        for line in account_of(replace(found, alternatives=rivals, effects=found.effects[:1])).rivals
-        if line.startswith("in every")
+def arm(**changes):
+    frictions = [
+        friction(on=joint, parameters={"force": size(1.0 + i, 0.05, "N m")}, importance=share(0.1), **changes)
+        for i, joint in enumerate(JOINTS)
     ]
+    return made_diagnosis(verdict="named", effects=(*frictions, gain(role="headline")))
+
+
+def test_the_same_effect_on_many_joints_is_one_row_with_a_size_each_unless_it_acts_in_a_place_only():
+    group, other = account_of(arm()).rows
+    assert group.effect == "Coulomb friction on 6 joints"
+    assert [name for name, _ in group.members] == sorted(JOINTS, key=lambda n: int(n.rpartition("_")[2]))
+    assert group.members[-1] == (JOINTS[0], "1.00 ± 0.05 N m")
+    assert (group.percent, other.members) == ("60 %", ())
+    rows = account_of(arm(region={"x": (0.0, 1.0)})).rows
+    assert len(rows) == 7
+    assert not any(row.members for row in rows)
+
+
+def test_the_terminal_wraps_the_joints_and_cuts_no_name():
+    lines = account_lines(account_of(arm()))
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= COLUMNS
+    assert all(any(f"{joint} " in line for line in lines) for joint in JOINTS)
+
+
+@pytest.mark.parametrize("kind", RICH)
+def test_every_kind_of_account_is_a_piece_of_a_notebook(kind):
+    account = account_of(RICH[kind]())
+    piece = check_fragment(account_fragment(account))
+    assert f"Verdict: {account.verdict}." in piece.text
+    for text in (account.where, *(row.effect for row in account.rows), *account.left, *account.next):
+        assert text in piece.text
+
+
+def test_odd_names_are_text_in_a_notebook():
+    account = account_of(named())
+    plain = check_fragment(account_fragment(account))
+    row = replace(account.rows[0], effect=EVIL, whole=EVIL + "!", gate=EVIL, sizes=((EVIL, EVIL),))
+    odd = replace(account, where=EVIL, rows=(row,), slight=EVIL, rivals=(EVIL,), left=(EVIL,), next=(EVIL,))
+    piece = check_fragment(account_fragment(odd, [Picture(EVIL, EVIL, b"png")]))
+    assert piece.tags - plain.tags <= {"img", "br"}
+    assert piece.text.count(EVIL) >= 6

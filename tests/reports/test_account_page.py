@@ -15,7 +15,7 @@ from rich_diagnoses import RICH, friction, gain, measured, named, partial, share
 from gpsim.channels import Channels
 from gpsim.findings import Explained, NotAsked, Share
 from gpsim.reports.account import account_of
-from gpsim.reports.account_figures import account_figures, parts
+from gpsim.reports.diagnosis_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
 from gpsim.traces import BASE, EFFECTS, Trace, Traces
 

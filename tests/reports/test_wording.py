@@ -1,28 +1,36 @@
-"""What a person would say of a diagnosis: of every family, of what to record next, of a process that was left out."""
+"""What a person would say of a diagnosis: of every family, of what to record next, of the log, and of numbers."""
 
+import math
 import re
 from dataclasses import replace
 
 import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_remainder
 
+from gpsim.diagnosis.run import Decision
 from gpsim.effects import FAMILIES, Place
 from gpsim.findings import (
     Alternative,
+    Combination,
     Discrimination,
     Estimate,
     Excitation,
+    LogFact,
     NoGp,
     RemainderGp,
     Separation,
+    Share,
 )
-from gpsim.reports.wording import (
-    effect_sentence,
-    excitation_text,
-    no_gp_text,
-    tell_apart_text,
-    worded,
+from gpsim.reports.diagnosis_text import (
+    combination_text,
+    combination_texts,
+    fixed_text,
+    log_fact_text,
+    open_text,
 )
+from gpsim.reports.quantities import brief, percent, share_text, size_text
+from gpsim.reports.statistics_text import trace_lines
+from gpsim.reports.wording import effect_sentence, worded
 
 PLACE = Place("q", "N", loaded=True)
 SAID = {
@@ -82,23 +90,25 @@ def test_a_sentence_says_parameters_that_its_family_has():
             assert told <= {p.name for p in effect.parameters(PLACE)}, family
 
 
-def test_a_variant_of_other_parameters_is_called_by_its_name_and_its_numbers():
-    grown = unsaid("stribeck_friction", ["rise", "stribeck_velocity"])
-    said = "Stribeck friction on q (rise 0.5 u, stribeck_velocity 0.5 u) was left out"
-    assert effect_sentence(grown) == said
+@pytest.mark.parametrize(
+    ("effect", "said"),
+    [
+        (unsaid("stribeck_friction", ["rise", "stribeck_velocity"]), "Stribeck friction on q (rise 0.5 u, stribeck_velocity 0.5 u)"),
+        (unsaid("coulomb_friction", ["coefficient", "force"], on="x"), "Coulomb friction on x (coefficient 0.5 u, force 0.5 u)"),
+        (unsaid("magnetic_pull", ["strength"], on=("x", "y")), "magnetic pull on x,y (strength 0.5 u)"),
+        (unsaid("spring", ["rate"]), "spring on q (rate 0.5 u)"),  # somebody else's, of a known name
+    ],
+)  # fmt: skip
+def test_what_has_no_sentence_for_its_parameters_is_called_by_its_name_and_its_numbers(effect, said):
+    assert effect_sentence(effect) == f"{said} was left out"
 
 
-def test_a_family_without_a_sentence_is_called_by_its_name_and_its_numbers():
-    two = {"coefficient": Estimate(0.9, None, None, "1"), "force": Estimate(9.70234, None, None, "N")}
-    friction = made_effect(family="coulomb_friction", on="x", parameters=two, sentence="")
-    assert effect_sentence(friction) == "Coulomb friction on x (coefficient 0.9, force 9.702 N) was left out"
-    magnet = unsaid("magnetic_pull", ["strength"], on=("x", "y"))
-    assert effect_sentence(magnet) == "magnetic pull on x,y (strength 0.5 u) was left out"
+SPRING_OR_DRAG = ((("spring", "q"),), (("drag", "q"),))
 
 
-def test_a_strangers_effect_of_a_known_name_is_said_all_the_same():
-    spring = unsaid("spring", ["rate"])
-    assert effect_sentence(spring) == "spring on q (rate 0.5 u) was left out"
+def advised(excitation, **parts):
+    advice = Discrimination((Separation(excitation, SPRING_OR_DRAG, "q", 3.04),), ())
+    return made_diagnosis(verdict="ambiguous", discrimination=advice, **parts)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +122,8 @@ def test_a_strangers_effect_of_a_known_name_is_said_all_the_same():
     ],
 )
 def test_what_to_drive_an_action_with_is_said(excitation, said):
-    assert excitation_text(excitation) == said
+    apart = "spring on q and drag on q then differ by up to 3.04 standard deviations of the noise in q"
+    assert worded(advised(excitation)).tell_apart == f"record {said}: {apart}"
 
 
 @pytest.mark.parametrize(
@@ -120,46 +131,146 @@ def test_what_to_drive_an_action_with_is_said(excitation, said):
     [
         (NoGp("no structure"), "it has no structure"),
         (NoGp("explains nothing"), "it would explain nothing of training data that it had not seen"),
-        (
-            NoGp("harms", "q", rollout=True, times=1.104),
-            "it would make the error in q after a rollout 1.1 times as large on training data that it had not seen",
-        ),
-        (
-            NoGp("harms", "q_acc", times=float("inf")),
-            "it would make the error in q_acc one step ahead inf times as large on training data that it had not seen",
-        ),
+        (NoGp("harms", "q", rollout=True, times=1.104), "it would make the error in q after a rollout 1.1 times as large on "
+         "training data that it had not seen"),
+        (NoGp("harms", "q_acc", times=math.inf), "it would make the error in q_acc one step ahead inf times as large on "
+         "training data that it had not seen"),
     ],
-)
+)  # fmt: skip
 def test_why_a_process_was_left_out_is_said(why, said):
-    assert no_gp_text(why) == said
+    found = worded(made_diagnosis(remainder=made_remainder(gp=RemainderGp(False, None, None, why))))
+    assert found.remainder.gp.why_not == said
 
 
 def test_a_diagnosis_gets_all_of_its_words_and_keeps_those_that_it_has():
     spring = made_effect(sentence="")
-    advice = Discrimination(
-        (Separation(Excitation("u", "constant", 1.0), ((("spring", "q"),), (("drag", "q"),)), "q", 3.04),), ()
-    )
-    gp = RemainderGp(False, None, None, NoGp("no structure"))
-    plain = made_diagnosis(
-        verdict="ambiguous",
-        effects=(spring,),
-        alternatives=(Alternative((replace(spring, family="constant_force"),), 0.4),),
-        discrimination=advice,
-        remainder=made_remainder(gp=gp),
-    )
+    rival = Alternative((replace(spring, family="constant_force"),), 0.4)
+    plain = advised(Excitation("u", "constant", 1.0), effects=(spring,), alternatives=(rival,))
     found = worded(plain)
     assert found.effects[0].sentence == effect_sentence(spring)
     assert found.alternatives[0].effects[0].sentence
-    assert found.tell_apart == tell_apart_text(advice)
-    assert found.tell_apart.endswith(
-        "spring on q and drag on q then differ by up to 3.04 standard deviations of the noise in q"
-    )
-    assert found.remainder.gp.why_not == "it has no structure"
     assert worded(found) == found
     own = replace(plain, effects=(made_effect(sentence="said otherwise"),), tell_apart="ask somebody")
     assert worded(own).effects[0].sentence == "said otherwise"
     assert worded(own).tell_apart == "ask somebody"
-
-
-def test_where_nothing_is_to_be_told_apart_nothing_is_said():
     assert worded(made_diagnosis()).tell_apart is None
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "unit", "said"),
+    [
+        (8.7123, 8.657, 8.769, "N", "8.71 ± 0.06 N"),
+        (1.2021, 1.190, 1.214, "N", "1.202 ± 0.012 N"),
+        (0.93, 0.918, 0.942, "1", "0.930 ± 0.012"),
+        (12345.0, 12298.0, 12392.0, "N", "12340 ± 50 N"),
+        (1.234e-6, 1.2e-6, 1.27e-6, "m", "1.23e-06 ± 3.5e-08 m"),
+        (2.0, 1.9, 5.0, "m/s^2", "2.0 (1.9 to 5.0) m/s²"),
+        (8.71, 8.71, 8.71, "N", "8.71 N"),
+        (8.71, 8.709999, 8.710001, "N", "8.71 ± <9e-05 N"),
+        (8.7123, None, None, "N", "8.71 ± ? N"),
+        (math.nan, None, None, "N", "–"),
+        (0.0, -0.1, 0.1, "N", "0.00 ± 0.10 N"),
+    ],
+)
+def test_a_size_has_as_many_digits_as_its_interval_says(value, low, high, unit, said):
+    assert size_text("force", Estimate(value, low, high, unit)) == said
+
+
+def test_a_ratio_is_so_many_times_and_a_bound_is_no_measurement():
+    assert size_text("gain", Estimate(0.93, 0.92, 0.94, "1")) == "0.930 ± 0.010 times"
+    assert size_text("force", Estimate(5.0, 4.9, 5.1, "N", at_bound=True)) == "5 N, at its bound"
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.934, "93"), (0.997, "99.7"), (0.99999, ">99.9"), (1.0, "100"), (0.004, "0.4"), (1e-6, "<0.1"), (0.0, "0"),
+     (-0.02, "-2"), (-0.001, "0"), (math.nan, "–")],
+)  # fmt: skip
+def test_a_share_never_claims_all_or_nothing_by_rounding(share, said):
+    assert percent(share) == said
+
+
+def test_a_share_has_its_interval_where_there_is_one():
+    assert share_text(Share(0.93, 0.88, 0.96)) == "93 % (88 to 96)"
+    assert share_text(Share(0.93)) == "93 %"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(9.213, "9.2"), (123.4, "123"), (0.0102, "0.010"), (math.nan, "diverged")]
+)
+def test_an_error_has_two_digits(value, said):
+    assert brief(value) == said
+
+
+@pytest.mark.parametrize(
+    ("fact", "said"),
+    [
+        (LogFact("repeated", "theta", 3), "3 samples of theta repeat the one before"),
+        (LogFact("repeated", "theta", 1), "1 sample of theta repeats the one before"),
+        (LogFact("quantised", "theta", 0, 0.001, "rad"), "theta is quantised to 0.001 rad"),
+        (LogFact("outliers", "x", 12), "12 samples of x leap and were left out"),
+        (LogFact("missing", "", 7), "7 samples are missing"),
+        (LogFact("jitter", "", 0, 0.4, "ms"), "the clock jitters by 0.4 ms"),
+        (
+            LogFact("pushed", "", 5, 2.0, "s"),
+            "something from outside acted from 2 s on (a push, a bump) and was left out, at 5 samples",
+        ),
+    ],
+)
+def test_a_fact_of_the_log_is_said(fact, said):
+    assert log_fact_text(fact) == said
+
+
+def together(*exponents, **changes):
+    of = ("parameter_offset on cart_mass: ratio", "actuator_gain on force: gain")
+    return Combination(of=of, fixed="", open="", exponents=exponents, **changes)
+
+
+def test_what_is_fixed_and_what_is_open_is_said():
+    ratio = together(1.0, -1.0, value=2.5, low=2.4, high=2.6)
+    assert fixed_text(ratio) == "cart_mass / force gain = 2.50 (2.40 to 2.60)"
+    assert open_text(ratio) == "both may be scaled alike"
+    product = together(1.0, 2.0, value=2.5, unit="N")
+    assert fixed_text(product) == "cart_mass · force gain^2 = 2.5 N"
+    assert open_text(product) == "one may grow as the other shrinks"
+    assert fixed_text(together()) == "one combination of them"
+    first, second = (replace(c, fixed=fixed_text(c), open=open_text(c)) for c in (ratio, product))
+    assert combination_texts([first, second]) == [combination_text(first), combination_text(second)]
+    said, alone = combination_texts([first, second, first])
+    assert said.startswith(
+        "only cart_mass / force gain = 2.50 (2.40 to 2.60) and cart_mass / force gain = 2.50"
+    )
+    assert said.endswith(" are fixed: these may all be scaled alike")
+    assert alone == combination_text(second)
+    own = Combination(of=("cart_mass", "force gain"), fixed="their ratio", open="both scaled alike")
+    assert combination_text(own) == "of cart_mass and force gain only their ratio is fixed; both scaled alike"
+
+
+DRAG, FRICTION, SPRING = "quadratic_drag on q", "coulomb_friction on q", "spring on q"
+
+
+@pytest.mark.parametrize(
+    ("candidate", "over", "said"),
+    [
+        ((FRICTION, DRAG), (FRICTION,), f"+ {DRAG} (beside {FRICTION})"),
+        ((FRICTION, SPRING), (FRICTION, DRAG), f"+ {SPRING} - {DRAG} (beside {FRICTION})"),
+        ((), (DRAG,), f"- {DRAG}"),
+        ((DRAG,), (DRAG,), f"the same terms (beside {DRAG})"),
+    ],
+)
+def test_a_decision_says_what_is_added_and_dropped_and_what_both_have(candidate, over, said):
+    assert trace_lines([Decision("search", candidate, over, True, "good share")])[1].endswith(said)
+
+
+def test_decisions_stand_below_their_step_and_are_told_once():
+    won = Decision("search", (DRAG,), (), True, "good share", gain=12.34, share=0.5)
+    lost = Decision("judge", (SPRING,), (), False, "too few nats", gain=-1.0, share=0.0)
+    lines = trace_lines([won, won, lost])
+    assert lines[0] == "search"
+    assert lines[2] == "judge"
+    assert len(lines) == 4
+    assert lines[1].split()[:8] == ["taken", "12.3", "nats", "50", "%", "good", "share", "+"]
+    assert lines[3].split()[0] == "refused"
+    assert "too few nats" in lines[3]
+    (_, line) = trace_lines([Decision("search", (DRAG,), (), False, "promises too little")])
+    assert line.count("–") == 2  # never weighed

@@ -14,8 +14,7 @@ from made_runs import snapshot, spoil
 from gpsim.errors import UsageError
 from gpsim.files import plain
 from gpsim.recordings import Episode, Recording, write_recording
-from gpsim.reports.runs_sheets import dry_run_lines, status_lines
-from gpsim.reports.runs_text import phrase
+from gpsim.reports.runs_text import dry_run_lines, phrase, status_lines
 from gpsim.runs.comparison import flat
 from gpsim.stages import fit_gp, full_loop, report
 from gpsim.stages.building import base_plant

@@ -270,7 +270,7 @@ def test_the_figures_of_curves():
 
 
 def test_tables_show_curves():
-    from gpsim.reports.prove_groups import brief_sheets, group_sheets
+    from gpsim.reports.prove_sheets import brief_sheets, group_sheets
 
     kind = "free_command"
     answer = answer_of(kind)

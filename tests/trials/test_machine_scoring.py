@@ -4,9 +4,8 @@ import math
 
 import pytest
 
-from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows, record
-from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
+from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.judged import MachineListing, Seen
 from gpsim.trials.scoring_parts import black_box, of_first, score_machine
 from gpsim.trials.summary import summarise

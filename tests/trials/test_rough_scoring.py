@@ -2,9 +2,8 @@
 
 import pytest
 
-from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows
-from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
+from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.fits import Rival
 from gpsim.trials.intervals import mean_interval
 from gpsim.trials.scoring import score

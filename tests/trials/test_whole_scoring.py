@@ -7,9 +7,8 @@ from gpsim.cli.main import app
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
-from gpsim.reports.prove_groups import group_sheets
 from gpsim.reports.prove_page import miss_rows, record
-from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
+from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.judged import WholeListing
 from gpsim.trials.robots import spec_of
 from gpsim.trials.scoring_parts import score_whole
