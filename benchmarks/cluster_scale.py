@@ -30,7 +30,7 @@ from pathlib import Path
 from gpsim.launchers import Dask, Progress, Task, run_tasks
 
 MEDIAN, SIGMA, LONGEST = 6.5, 0.9, 64.0  # s, -, s: the diagnoses of docs/results.md, on one core
-ON_WAY = 2  # tasks handed out for each core, as gpsim/launchers/dask_client.py does
+ON_WAY = 2  # tasks handed out for each core, as gpsim/launchers/dask_jobs.py does
 
 
 @dataclass(frozen=True)

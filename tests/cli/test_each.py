@@ -37,6 +37,7 @@ def instant(monkeypatch):
     seen = {}
 
     def run(jobs, launcher, update, finished, failed):
+        made = {}
         for job in jobs:
             name = Path(job.label).stem
             seen[job.label] = job.recorded
@@ -49,7 +50,9 @@ def instant(monkeypatch):
                 write_json(folder / "diagnosis.json", worded(found_in(name)).to_dict())
                 return {}
 
-            finished(job.label, job.request.store.publish(recipe, write), False)
+            made[job.label] = job.request.store.publish(recipe, write)
+            finished(job.label, made[job.label], False)
+        return made
 
     monkeypatch.setattr("gpsim.stages.jobs.run_jobs", run)
     return seen
