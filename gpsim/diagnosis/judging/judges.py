@@ -37,6 +37,7 @@ ROLLOUT_STRIDE = 3  # between the starts of two rollouts [samples]
 FOLDS = 5  # parts of the whole recording, each judged by what the others say
 SHORT_PART = 0.25
 """Of the time, that may lie in stretches too short for a rollout, before rollouts are cut shorter."""
+BEYOND_IMPACTS = 2  # times a window of what stands, that a rollout of it lasts
 LEAD = 12  # before a rollout, from which each account says where that begins [transitions]
 LEAD_ROUNDS = 3  # of the fit that says so
 LEAST_NOISE = 1e-3  # of a channel's size: what starts are fitted by where less noise is known
@@ -175,8 +176,13 @@ def rollouts_in(question: Question, source: int, lead: int = 0) -> RolloutWindow
 
 
 def horizon_of(question: Question) -> int:
-    """Transitions of a rollout, where the stretches are long enough."""
-    settings = question.run.settings
+    """Transitions of a rollout, where the stretches are long enough.
+
+    Of what stands hardly longer than between impacts: what begins alike comes down elsewhere, by whatever account.
+    """
+    settings, problem = question.run.settings, question.everything
+    if problem.simulator.heights and problem.windows.length < settings.windows.length:
+        return BEYOND_IMPACTS * problem.windows.length
     usual = max(round(settings.rollouts.horizon / question.recording.dt), settings.windows.length)
     return min(usual, settings.rollouts.longest)
 
