@@ -1,4 +1,4 @@
-"""Write what is made from code and from records: pages of docs/, benchmarks/proofs.md, conf/diagnose/default.yaml."""
+"""Write what is made from the code and from records: pages, benchmarks/proofs.md and conf/diagnose/default.yaml."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path

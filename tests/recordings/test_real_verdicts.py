@@ -12,7 +12,7 @@ from gpsim.diagnosis.settings import Known
 from gpsim.reports.wording import worded
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import read_logs
-from gpsim.trials import contradictions
+from gpsim.trials.contradictions import contradictions
 
 TANKS = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 SETS = {
