@@ -290,6 +290,7 @@ def adapted(instance: Any, reference: str) -> Effect:
         "order": int(getattr(instance, "order", 50)),
         "gated": bool(getattr(instance, "gated", site not in ("drive", "sensor"))),
         "asked": False,
+        "law": staticmethod(instance.law),
         "memory": tuple(getattr(instance, "memory", ())),
         "given": instance,
         "given_site": site,

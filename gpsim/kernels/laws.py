@@ -110,42 +110,27 @@ def _late() -> Written:
     return _compiled("late_of", [*lines, "    return 0.0"], laws)
 
 
-def _passed(name: str, head: str, known: Mapping[str, str], loop: str, to: str, end: str) -> Written:
-    """What laws make of commands that are held for `step` s from `t` on, a mean over that time; memory moves on."""
-    laws, lines = tables.of_kind(codes.PASSES), [f"def {name}({head}):"]
+def _changed() -> Written:
+    """A function of (law, where its values begin, v, lane, memory, its place there, pieces, how many).
+
+    It changes that many pieces to what the law makes of them.
+    """
+    laws = tables.of_kind(codes.PASSES)
+    lines = ["def changed_by(law, at, v, lane, memory, place, pieces, count):"]
     for one in laws:
-        kept, indent = one.effect.memory, "        " + "    " * bool(loop)
-        texts = {**known, **{m: f"m{k}" for k, m in enumerate(kept)}}
-        said = _asked(one, texts, "x{}")
+        kept = [f"m{k}" for k in range(len(one.effect.memory))]
+        texts = {"u": "pieces[0, i]", "t": "pieces[2, i]", "step": "pieces[1, i]"}
+        texts |= dict(zip(one.effect.memory, kept, strict=True))
         lines += [f"    if law == {one.number}:"]
         lines += [f"        x{k} = v[at + {k}, lane]" for k in range(len(one.values))]
-        lines += [f"        m{k} = memory[place + {k}]" for k in range(len(kept))]
-        lines += [f"        {loop}"] if loop else []
-        lines += [f"{indent}{', '.join([to, *(f'm{k}' for k in range(len(kept)))])} = {said}"]
-        lines += [f"        memory[place + {k}] = m{k}" for k in range(len(kept))]
-        lines += [f"        return {end}"]
-    return _compiled(name, [*lines, f"    return {end and 'u'}"], laws)
+        lines += [f"        {m} = memory[place + {k}]" for k, m in enumerate(kept)]
+        lines += ["        for i in range(count):"]
+        lines += [f"            {', '.join(['pieces[0, i]', *kept])} = {_asked(one, texts, 'x{}')}"]
+        lines += [f"        memory[place + {k}] = {m}" for k, m in enumerate(kept)]
+    return _compiled("changed_by", lines, laws)
 
 
-late_of = _late()
-passed_of = _passed(
-    "passed_of",
-    "law, at, v, lane, memory, place, u, t, step",
-    {"u": "u", "t": "t", "step": "step"},
-    "",
-    "out",
-    "out",
-)
-"""Of one command."""
-changed_by = _passed(
-    "changed_by",
-    "law, at, v, lane, memory, place, s, step, t, count",
-    {"u": "s[i]", "t": "t[i]", "step": "step[i]"},
-    "for i in range(count):",
-    "s[i]",
-    "",
-)
-"""Of so many, s, which change: one loop a law."""
+late_of, changed_by = _late(), _changed()
 
 
 @compiled

@@ -6,9 +6,9 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels import codes
-from gpsim.kernels.acting import act
+from gpsim.kernels.acting import pass_on
 from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry, place, tamed
-from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, SIZE, TOGETHER, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, SIZE, TOGETHER, H, T, U, X
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
 
@@ -52,42 +52,23 @@ def command(
 
 @compiled
 def acted(
-    b: FloatArray,
-    lanes: int,
-    layout: IntArray,
-    actuators: IntArray,
-    conditions: IntArray,
-    knots: FloatArray,
-    believed: FloatArray,
-    v: FloatArray,
-    memory: FloatArray,
-    path: FloatArray,
-    pieces: FloatArray,
-    u: FloatArray,
-) -> None:
+    b: FloatArray, lanes: int, layout: IntArray, actuators: IntArray, conditions: IntArray, knots: FloatArray,
+    believed: FloatArray, v: FloatArray, memory: FloatArray, path: FloatArray, steps: FloatArray, u: FloatArray,
+    heard: FloatArray, pieces: FloatArray, was: FloatArray, of: IntArray,
+) -> None:  # fmt: skip
     """Change U from what was commanded to what reaches the simulator; memory: (lanes, .) of every row."""
     peer(b, lanes, layout, believed)
     for i in range(lanes):
         for x in range(4):
             path[0, x], path[1, x] = b[X + x * LANES + i], b[AHEAD + x * LANES + i]
-        for x in range(2):
-            path[0, 4 + x] = path[1, 4 + x] = u[x] = b[U + x * LANES + i]
-        act(
-            layout,
-            actuators,
-            conditions,
-            knots,
-            v,
-            i,
-            path,
-            memory[i],
-            layout[codes.UNEVEN],
-            b[T + i],
-            b[H + i],
-            pieces,
-            u,
-        )
-        b[U + i], b[U1 + i] = u[0], u[1]
+        for x in range(u.shape[1]):
+            path[0, 4 + x] = path[1, 4 + x] = u[0, x] = b[U + x * LANES + i]
+        steps[0, 0], steps[1, 0] = b[T + i], b[H + i]
+        pass_on(
+            layout, actuators, conditions, knots, v, i, memory[i], path, steps, u, 1, 1, u, heard, pieces, was, of
+        )  # fmt: skip
+        for x in range(u.shape[1]):
+            b[U + x * LANES + i] = u[0, x]
 
 
 @compiled
@@ -174,8 +155,14 @@ def march(
     """
     n, columns, states = layout[codes.SUBSTEPS], values.shape[1], len(kept)
     b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))
-    memory, path = np.empty((LANES, memories.shape[1])), np.empty((2, 6))
-    pieces, u = np.empty((3, memories.shape[1] + 2)), np.empty(2)
+    memory, path, most = np.empty((LANES, memories.shape[1])), np.zeros((2, 6)), 3 * memories.shape[1] + 6
+    steps, u = np.empty((2, 1)), np.empty((1, layout[codes.ACTIONS]))
+    heard, pieces, was, of = (
+        np.empty((2, most)),
+        np.empty((3, most)),
+        np.empty(most),
+        np.empty(most, np.int64),
+    )
     w, c = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
     steady = is_steady(layout, terms)
     for begin in range(first, last, LANES):
@@ -217,7 +204,10 @@ def march(
                 for i in range(lanes):
                     b[T + i] = b[BEGAN + i] + j * b[H + i]
             if looks:
-                acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
+                acted(
+                    b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, steps, u,
+                    heard, pieces, was, of,
+                )  # fmt: skip
             advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares, steady)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)

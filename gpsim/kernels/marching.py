@@ -120,7 +120,7 @@ def travelled(
     of whole control steps that lead up to them, on an even clock. The actuators are as the first of all these finds
     them.
     """
-    from gpsim.kernels.passing import travel  # which imports numba
+    from gpsim.kernels.acting import travel  # which imports numba
 
     rows, (length, actions) = len(window), given.shape[1:]
     out = np.empty((rows, length * n, actions))
