@@ -86,7 +86,7 @@ def test_off_nothing_is_written_and_a_report_does_not_know(tmp_path):
     assert train_source.tracking_remarks(request) == []
     assert not list(tmp_path.iterdir())
     words = ("budget=smoke", "track=tensorboard")
-    assert report._command(Request(resolve(words, None), words), (0,)) == "gpsim run full-loop budget=smoke"
+    assert report.command_of(Request(resolve(words, None), words), (0,)) == "gpsim run full-loop budget=smoke"
 
 
 def test_without_the_package_one_line_says_how_to_get_it_before_anything_is_trained(tmp_path, monkeypatch):

@@ -113,9 +113,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         write_json(folder / POSTERIOR, left_open_data(posterior_of(found)))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
-        if found.comparison.corrected is not None:
-            learnt = found.comparison.corrected.learnt
-            write_gp(folder, learnt.predictor, learnt.features)
+        write_process(folder, found)
     if len(mishaps.lines) > before:
         for half in set(folder.iterdir()) - there:
             half.unlink()
@@ -140,6 +138,13 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
+
+
+def write_process(folder: Path, found: Outcome) -> None:
+    """The Gaussian process on the remainder, where there is one."""
+    if found.comparison.corrected is not None:
+        learnt = found.comparison.corrected.learnt
+        write_gp(folder, learnt.predictor, learnt.features)
 
 
 def read_trace(folder: Path) -> list[Decision]:

@@ -99,7 +99,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     read_artifact(made, "diagnose")
     with monkeypatch.context() as patched:
         patched.setattr("gpsim.reports.diagnosis_page.page", broken)
-        patched.setattr(diagnosis_files, "_write_process", broken)
+        patched.setattr(diagnosis_files, "write_process", broken)
         made, said = diagnosed("page")
     assert [line.split(":")[1].strip() for line in said.err.splitlines()] == [
         "the Gaussian process on the remainder is left out",
