@@ -1,9 +1,13 @@
-"""A patch as MJCF: which attributes of which elements, written by MjSpec, with all their digits and a comment each."""
+"""A correction as MJCF: which attributes of which elements, written by MjSpec, with all digits and a comment each.
+
+Effects and parameters change attributes; a corrected geometry the reference of a joint, the place and turn of a body or
+site.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from xml.etree import ElementTree
@@ -11,10 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
 from gpsim.mjcf.body import Body
-from gpsim.mjcf.commanding import Motor, samples
-from gpsim.mjcf.native import Fields
+from gpsim.mjcf.geometry import Moved, Place, target_of
 from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.patching import Motor, samples
+from gpsim.mjcf.plan import Fields
+from gpsim.mjcf.simulator import MjcfSimulator
 
 Value = FloatArray | str
 JOINT = {
@@ -28,11 +35,16 @@ JOINT = {
 }
 """Attribute of a joint -> the fields that it is."""
 INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diaginertia": "body_inertia"}
-SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
 GEOM = {"friction": "geom_friction", "solref": "geom_solref"}
+SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
 """What MjSpec calls otherwise than MJCF."""
-MOVED = {"reference": "joint", "frame": "body"}
-"""Kinds of changes that move an element -> its tag."""
+MOVED = {
+    "reference": ("joint", {"ref": "qpos0"}),
+    "frame": ("body", {"pos": "body_pos", "quat": "body_quat"}),
+    "site": ("site", {"pos": "site_pos", "quat": "site_quat"}),
+}
+"""Kind of an element that is moved -> its tag, its attributes and the fields that they are."""
+OFF = 1e-9  # m, 1: of a place or a turn in what was written
 _DASHES = re.compile("-(?=-)")  # no two may follow each other in a comment
 
 
@@ -55,48 +67,46 @@ class Change:
 
 def changes_of(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> list[Change]:
     """Every element of which something is to be other than in the model."""
-    found = [
-        *_options(body, fields, step),
-        *_joints(body, fields),
-        *_bodies(body, fields),
-        *_geoms(body, fields),
-    ]
-    return [*found, *_actuators(body, fields, motors, step)]
-
-
-def _now(body: Body, fields: Fields, name: str) -> FloatArray:
-    return fields[name][0] if name in fields else _was(body, name)
-
-
-def _was(body: Body, name: str) -> FloatArray:
     model = body.base
-    return np.asarray(getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name))
+    found = []
 
+    def now_was(name: str) -> tuple[FloatArray, FloatArray]:
+        was = np.asarray(getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name))
+        return fields[name][0] if name in fields else was, was
 
-def _options(body: Body, fields: Fields, step: float) -> Iterator[Change]:
+    def add(kind: str, index: int, made: dict[str, Value], kept: tuple[str, ...] = ()) -> None:
+        if made:
+            found.append(Change(kind, index, made, kept))
+
     made: dict[str, Value] = {}
-    gravity = _now(body, fields, "opt.gravity")
-    if (gravity != _was(body, "opt.gravity")).any():
+    gravity, was = now_was("opt.gravity")
+    if (gravity != was).any():
         made["gravity"] = np.array(gravity)
     if abs(step - body.own_step) > 1e-12 * step:
         made["timestep"] = np.array([step])
-    if made:
-        yield Change("option", 0, made)
-
-
-def _joints(body: Body, fields: Fields) -> Iterator[Change]:
-    model = body.base
+    add("option", 0, made)
     for j in range(model.njnt):
-        places = {"dof": int(model.jnt_dofadr[j]), "jnt": j, "qpos": int(model.jnt_qposadr[j])}
-        made: dict[str, Value] = {}
+        places, made = {"dof": int(model.jnt_dofadr[j]), "jnt": j, "qpos": int(model.jnt_qposadr[j])}, {}
         for attribute, names in JOINT.items():
-            pairs = [(name, places[name.split("_")[0]]) for name in names]
-            now = np.concatenate([np.ravel(_now(body, fields, n)[at]) for n, at in pairs])
-            was = np.concatenate([np.ravel(_was(body, n)[at]) for n, at in pairs])
+            pairs = [[np.ravel(v[places[name.split("_")[0]]]) for v in now_was(name)] for name in names]
+            now, was = (np.concatenate(each) for each in zip(*pairs, strict=True))
             if (now != was).any():
                 made[attribute] = _short(now)
-        if made:
-            yield Change("joint", j, made)
+        add("joint", j, made)
+    for b in range(1, model.nbody):
+        both = {a: [np.atleast_1d(v[b]) for v in now_was(name)] for a, name in INERTIAL.items()}
+        kept = tuple(a for a, (now, was) in both.items() if (now == was).all())
+        if len(kept) < len(INERTIAL):
+            add("body", b, {a: np.array(now) for a, (now, _) in both.items()}, kept)
+    for g in range(model.ngeom):
+        both = {a: [v[g] for v in now_was(name)] for a, name in GEOM.items()}
+        add("geom", g, {a: np.array(now) for a, (now, was) in both.items() if (now != was).any()})
+    of = {motor.index: motor for motor in motors}
+    for i in range(model.nu):
+        names = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
+        gain, bias, force = (np.array(now_was(name)[0][i]) for name in names)
+        add("actuator", i, _of_actuator(model, of.get(i, Motor(i)), gain, bias, force, step))
+    return found
 
 
 def _short(values: FloatArray) -> FloatArray:
@@ -105,48 +115,69 @@ def _short(values: FloatArray) -> FloatArray:
     return np.array(values[: last + 1])
 
 
-def _bodies(body: Body, fields: Fields) -> Iterator[Change]:
-    for b in range(1, body.base.nbody):
-        now = {attribute: _now(body, fields, name)[b] for attribute, name in INERTIAL.items()}
-        kept = tuple(a for a, name in INERTIAL.items() if (now[a] == _was(body, name)[b]).all())
-        if len(kept) < len(INERTIAL):
-            yield Change("body", b, {a: np.atleast_1d(np.array(v)) for a, v in now.items()}, kept)
+def _of_actuator(
+    model: Any, motor: Motor, gain: FloatArray, bias: FloatArray, force: FloatArray, step: float
+) -> dict[str, Value]:
+    """Its attributes, by what its fields are to be and what the motor does otherwise."""
+    i, made = motor.index, dict[str, Value]()
+    bias[0] += gain[0] * motor.more
+    gain[0] *= motor.scale
+    if (gain != model.actuator_gainprm[i]).any():
+        made["gainprm"] = _short(gain)
+    if (bias != model.actuator_biasprm[i]).any():
+        made["biasprm"] = _short(bias)
+        if int(model.actuator_biastype[i]) == mujoco().mjtBias.mjBIAS_NONE:
+            made["biastype"] = "affine"
+    if (force != model.actuator_forcerange[i]).any():
+        made["forcerange"] = force
+    if motor.limit is not None:
+        low, high = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
+        made["ctrlrange"] = np.array([max(low, -motor.limit), min(high, motor.limit)])
+        made["ctrllimited"] = "true"
+    if motor.delay is not None:
+        made["delay"], made["nsample"] = np.array([motor.delay]), str(samples(motor.delay, step))
+        made["interp"] = "linear"
+    return made
 
 
-def _geoms(body: Body, fields: Fields) -> Iterator[Change]:
-    for g in range(body.base.ngeom):
-        now = {attribute: np.array(_now(body, fields, name)[g]) for attribute, name in GEOM.items()}
-        made: dict[str, Value] = {a: v for a, v in now.items() if (v != _was(body, GEOM[a])[g]).any()}
-        if made:
-            yield Change("geom", g, made)
+def moved_changes(simulator: MjcfSimulator, said: Mapping[Place, str]) -> list[Change]:
+    """Every element that the simulator's geometry moves; said: of each place a sentence."""
+    believed, changes = simulator.believed, dict[tuple[str, int], Change]()
+    for moved in simulator.geometry:
+        kind, index = _moved_element(simulator, moved)
+        if index < 0:  # a marker on a body, of which the model has no element
+            continue
+        if (kind, index) not in changes:
+            at = int(believed.jnt_qposadr[index]) if kind == "reference" else index
+            change = changes[kind, index] = Change(kind, index, {})
+            for name, of in MOVED[kind][1].items():
+                now, was = (np.atleast_1d(getattr(m, of)[at]) for m in (simulator.body.base, believed))
+                if (now != was).any():
+                    change.attributes[name] = np.array(now, dtype=np.float64)
+        sentence = said.get(moved.place) or f"{moved.place.kind} of {moved.place.on}: {moved.value:.6g}"
+        changes[kind, index].comments.append(sentence)
+    return list(changes.values())
 
 
-def _actuators(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> Iterator[Change]:
-    mj, model, of = mujoco(), body.base, {m.index: m for m in motors}
-    for i in range(model.nu):
-        gain, bias = (np.array(_now(body, fields, f"actuator_{n}prm")[i]) for n in ("gain", "bias"))
-        made: dict[str, Value] = {}
-        motor = of.get(i, Motor(i))
-        bias[0] += gain[0] * motor.more
-        gain[0] *= motor.scale
-        if (gain != model.actuator_gainprm[i]).any():
-            made["gainprm"] = _short(gain)
-        if (bias != model.actuator_biasprm[i]).any():
-            made["biasprm"] = _short(bias)
-            if int(model.actuator_biastype[i]) == mj.mjtBias.mjBIAS_NONE:
-                made["biastype"] = "affine"
-        force = np.array(_now(body, fields, "actuator_forcerange")[i])
-        if (force != model.actuator_forcerange[i]).any():
-            made["forcerange"] = force
-        if motor.limit is not None:
-            low, high = model.actuator_ctrlrange[i] if model.actuator_ctrllimited[i] else (-np.inf, np.inf)
-            made["ctrlrange"] = np.array([max(low, -motor.limit), min(high, motor.limit)])
-            made["ctrllimited"] = "true"
-        if motor.delay is not None:
-            made["delay"], made["nsample"] = np.array([motor.delay]), str(samples(motor.delay, step))
-            made["interp"] = "linear"
-        if made:
-            yield Change("actuator", i, made)
+def _moved_element(simulator: MjcfSimulator, moved: Moved) -> tuple[str, int]:
+    on, body = moved.place.on, simulator.body
+    if moved.place.kind == "joint zero":
+        return "reference", body.joint(on)
+    if moved.place.kind.startswith("body"):
+        return "frame", body.names.bodies.index(on)
+    return "site", target_of(simulator.believed, body.names, on).site
+
+
+def check_moved(wanted: Any, simulator: MjcfSimulator) -> None:
+    """Raises UsageError where the compiled spec has another geometry: what stands in a <frame> is moved with it."""
+    for name in (of for _, fields in MOVED.values() for of in fields.values()):
+        one, other = getattr(wanted, name), getattr(simulator.body.base, name)
+        same_shape = simulator.geometry and one.shape == other.shape
+        if same_shape and np.abs(one - other).max(initial=0.0) > OFF:
+            raise UsageError(
+                f"{simulator.name}: a body or site that was off stands in a <frame>, which moves it once more; take it "
+                "out of the frame in the model"
+            )
 
 
 def named(spec: Any, geoms: Mapping[int, str]) -> None:
@@ -158,47 +189,72 @@ def named(spec: Any, geoms: Mapping[int, str]) -> None:
         geom.name = geom.name or geoms.get(geom.id, "")
     for kind, elements in (("joint", spec.joints), ("actuator", spec.actuators), ("body", spec.bodies[1:])):
         for element in elements:
-            if not element.name:
-                element.name = f"{kind}{element.id}"
+            element.name = element.name or f"{kind}{element.id}"
 
 
 def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
     """Write the changes into a spec; masses and inertias that a geom had become the body's own."""
-    mj = mujoco()
     if any(c.kind == "body" for c in changes):
-        _release_inertia(mj, spec, body)
-    groups = (spec.bodies, spec.joints, spec.actuators, spec.geoms)
-    bodies, joints, actuators, geoms = ({e.id: e for e in group} for group in groups)
+        _release_inertia(spec, body)
     for change in changes:
-        if change.kind == "option":
-            for name, value in change.attributes.items():
+        kind, attributes = change.kind, change.attributes
+        if kind == "option":
+            for name, value in attributes.items():
                 setattr(spec.option, name, value if name == "gravity" else float(value[0]))
-        elif change.kind == "joint":
-            _to_joint(mj, spec, joints[change.index], change.attributes)
-        elif change.kind == "geom":
-            for name, value in change.attributes.items():
-                setattr(geoms[change.index], name, value)
-        elif change.kind == "body":
-            _to_body(bodies[change.index], change.attributes)
+            continue
+        element = _of_spec(spec, change)
+        if kind in MOVED:
+            _move(spec, element, attributes)
+        elif kind == "joint":
+            _to_joint(spec, element, attributes)
+        elif kind == "geom":
+            for name, value in attributes.items():
+                setattr(element, name, value)
+        elif kind == "body":
+            _to_body(element, attributes)
         else:
-            _to_actuator(mj, actuators[change.index], change.attributes)
+            _to_actuator(element, attributes)
 
 
-def _release_inertia(mj: Any, spec: Any, body: Body) -> None:
+def _of_spec(spec: Any, change: Change) -> Any:
+    """The element of a change in a spec."""
+    tag = MOVED[change.kind][0] if change.kind in MOVED else change.kind
+    every = {"joint": spec.joints, "body": spec.bodies, "geom": spec.geoms, "actuator": spec.actuators}
+    return next(e for e in (every | {"site": spec.sites})[tag] if e.id == change.index)
+
+
+def _move(spec: Any, element: Any, attributes: Mapping[str, Value]) -> None:
+    if "ref" in attributes:
+        element.ref = _angle(spec, element, np.asarray(attributes["ref"], dtype=np.float64))
+    if "pos" in attributes:
+        element.pos = attributes["pos"]
+    if "quat" in attributes:
+        element.alt.type, element.quat = mujoco().mjtOrientation.mjORIENTATION_QUAT, attributes["quat"]
+
+
+def _angle(spec: Any, joint: Any, value: FloatArray) -> float:
+    """A position (1,) of a joint, which a spec may count in degrees."""
+    degrees = spec.compiler.degree and joint.type == mujoco().mjtJoint.mjJNT_HINGE
+    return float(np.rad2deg(value[0]) if degrees else value[0])
+
+
+def _release_inertia(spec: Any, body: Body) -> None:
     """Masses that are written are to count: no geom's in their place, and no total to which all are scaled."""
+    kinds = mujoco().mjtInertiaFromGeom
     if spec.compiler.settotalmass > 0.0:
         for element in spec.bodies[1:]:
-            _to_body(element, {a: np.atleast_1d(_was(body, n)[element.id]) for a, n in INERTIAL.items()})
+            _to_body(
+                element, {a: np.atleast_1d(getattr(body.base, n)[element.id]) for a, n in INERTIAL.items()}
+            )
         spec.compiler.settotalmass = -1.0
-        spec.compiler.inertiafromgeom = mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
-    if spec.compiler.inertiafromgeom == mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
+        spec.compiler.inertiafromgeom = kinds.mjINERTIAFROMGEOM_AUTO
+    if spec.compiler.inertiafromgeom == kinds.mjINERTIAFROMGEOM_TRUE:
         for element in spec.bodies:
             element.explicitinertial = element.explicitinertial and not list(element.geoms)
-        spec.compiler.inertiafromgeom = mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+        spec.compiler.inertiafromgeom = kinds.mjINERTIAFROMGEOM_AUTO
 
 
-def _to_joint(mj: Any, spec: Any, joint: Any, attributes: Mapping[str, Value]) -> None:
-    degrees = spec.compiler.degree and joint.type == mj.mjtJoint.mjJNT_HINGE
+def _to_joint(spec: Any, joint: Any, attributes: Mapping[str, Value]) -> None:
     for name, value in attributes.items():
         numbers = np.asarray(value, dtype=np.float64)
         if name in ("damping", "stiffness"):
@@ -206,7 +262,7 @@ def _to_joint(mj: Any, spec: Any, joint: Any, attributes: Mapping[str, Value]) -
         elif name in SPELT:
             setattr(joint, SPELT[name], numbers)
         elif name == "springref":
-            joint.springref = float(np.rad2deg(numbers[0]) if degrees else numbers[0])
+            joint.springref = _angle(spec, joint, numbers)
         else:
             setattr(joint, name, float(numbers[0]))
 
@@ -218,7 +274,8 @@ def _to_body(body: Any, attributes: Mapping[str, Value]) -> None:
     body.ipos, body.iquat, body.inertia = (attributes[n] for n in ("pos", "quat", "diaginertia"))
 
 
-def _to_actuator(mj: Any, actuator: Any, attributes: Mapping[str, Value]) -> None:
+def _to_actuator(actuator: Any, attributes: Mapping[str, Value]) -> None:
+    mj = mujoco()
     for name, value in attributes.items():
         if name in ("gainprm", "biasprm"):
             setattr(actuator, name, np.pad(np.asarray(value), (0, len(getattr(actuator, name)) - len(value))))
@@ -238,58 +295,41 @@ def written(text: str, spec: Any, changes: Sequence[Change], assets: Mapping[str
 
     assets: attributes of the compiler that say where meshes and textures lie.
     """
-    root = _parsed(text)
-    if assets:
-        compiler = root.find("compiler")
-        for name, place in assets.items():
-            compiler.set(name, place)
+    reading = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    root: Any = ElementTree.fromstring(text, reading)
+    for name, place in assets.items():
+        root.find("compiler").set(name, place)
     parents = {child: parent for parent in root.iter() for child in parent}
     for change in changes:
-        element = _element(root, spec, change)
+        element = _in_text(root, spec, change)
         target = element
         if change.kind == "body":
             target = next(child for child in element if child.tag == "inertial")
             target.attrib.pop("fullinertia", None)
         for name, value in change.attributes.items():
-            target.set(name, value if isinstance(value, str) else _digits(value))
-        _comment(parents, target if target in parents else element, change.comments)
-    return _text(root)
-
-
-def _parsed(text: str) -> Any:
-    return ElementTree.fromstring(
-        text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    )
-
-
-def _text(root: Any) -> str:
+            digits = (
+                value
+                if isinstance(value, str)
+                else " ".join(f"{v:.15g}" for v in np.ravel(value).astype(float))
+            )
+            target.set(name, digits)
+        parent = parents.get(target if target in parents else element)
+        for line in change.comments if parent is not None else ():
+            at = list(parent).index(target if target in parents else element)
+            parent.insert(at, ElementTree.Comment(f" {_DASHES.sub('- ', line)} "))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _element(root: Any, spec: Any, change: Change) -> Any:
+def _in_text(root: Any, spec: Any, change: Change) -> Any:
+    """The element of a change in a spec's text."""
     if change.kind == "option":
         found = root.find("option")
         if found is None:
             found = ElementTree.Element("option")
             root.insert(1 if len(root) and root[0].tag == "compiler" else 0, found)
         return found
-    groups = {"joint": spec.joints, "body": spec.bodies, "geom": spec.geoms, "actuator": spec.actuators}
-    groups["site"], kind = spec.sites, MOVED.get(change.kind, change.kind)
-    name = next(e.name for e in groups[kind] if e.id == change.index)
-    place = root.find("actuator" if kind == "actuator" else "worldbody")
-    places = list(place) if kind == "actuator" else place.iter(kind)
+    tag = MOVED[change.kind][0] if change.kind in MOVED else change.kind
+    places = list(root.find("actuator")) if tag == "actuator" else root.find("worldbody").iter(tag)
+    name = _of_spec(spec, change).name
     return next(e for e in places if isinstance(e.tag, str) and e.get("name") == name)
-
-
-def _digits(values: FloatArray) -> str:
-    return " ".join(f"{v:.15g}" for v in np.ravel(values).astype(float))
-
-
-def _comment(parents: Mapping[Any, Any], element: Any, lines: Sequence[str]) -> None:
-    parent = parents.get(element)
-    if parent is None or not lines:
-        return
-    for line in lines:
-        at = list(parent).index(element)
-        parent.insert(at, ElementTree.Comment(f" {_DASHES.sub('- ', line)} "))

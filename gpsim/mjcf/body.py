@@ -1,31 +1,32 @@
-"""A model as gpsim asks it: a copy that takes commands as they come, its names, parameters and what it already has."""
+"""A model as gpsim asks it: a copy that takes commands as they come, its names, parameters and what it already has.
+
+With it where the families act that only models of bodies know, and how large things are there.
+"""
 
 from __future__ import annotations
 
 import copy
-import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.mjcf.activation import Activations, activations_of
+from gpsim.mjcf.actuators import Activations, activations_of, motors_on
 from gpsim.mjcf.batches import Pools
 from gpsim.mjcf.geometry import Moved, corrected
-from gpsim.mjcf.knobs import HEAVIEST, Knob, gain_knob, place_knob, scale_knob
 from gpsim.mjcf.loading import Loaded
-from gpsim.mjcf.motors import motors_on
-from gpsim.mjcf.naming import Names, names_of
+from gpsim.mjcf.naming import MOTIONS, POSE, Names, names_of, servoed
 from gpsim.mjcf.optional import mujoco
-from gpsim.mjcf.surfaces import Surface, surfaces_of
-from gpsim.simulators import Parameter
+from gpsim.mjcf.parameters import Knob, Surface, length_of, moving_bodies, parameters_of, surfaces_of
+from gpsim.simulators import ModelPlace, Parameter
 
 HELD = 1e9  # of inertia: what is held by a mount heavier than anything
-LENGTHS = 5.0  # a centre of mass lies no more than so many lengths of its body from where it is believed
-SHORT = 0.02  # m, the least length of a body
-LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording shows
+CARRIES = 0.5  # kg, a payload on a body that weighs next to nothing
+WHOLE = 0.1
+"""Of all that moves, what a payload is counted in where its body weighs less (arms lift up to half of their weight)."""
 
 
 @dataclass
@@ -44,10 +45,11 @@ class Body:
     knobs: dict[str, Knob]
     surfaces: tuple[Surface, ...]
     activations: Activations
-    pools: Pools = field(init=False)
 
-    def __post_init__(self) -> None:
-        self.pools = Pools(self.model)
+    @cached_property
+    def pools(self) -> Pools:
+        """The batches that step it in this process."""
+        return Pools(self.model)
 
     @cached_property
     def motors(self) -> dict[str, tuple[int, ...]]:
@@ -70,15 +72,18 @@ class Body:
         """The model's step [s]."""
         return float(self.model.opt.timestep)
 
+    def joint(self, coordinate: str) -> int:
+        """The number of a coordinate's joint."""
+        return self.names.joints[[c.name for c in self.names.coordinates].index(coordinate)]
+
     def lengths(self) -> dict[str, float]:
         """Of every body that moves how long it is [m]."""
-        return {self.names.bodies[b]: _length(self.base, b) for b in _moving(self.base)}
+        return {self.names.bodies[b]: length_of(self.base, b) for b in moving_bodies(self.base)}
 
 
 def body_of(
     loaded: Loaded,
     held: tuple[str, ...] = (),
-    *,
     exact: bool = False,
     contacts: bool = True,
     geometry: tuple[Moved, ...] = (),
@@ -91,7 +96,10 @@ def body_of(
     mj, base = mujoco(), loaded.model
     where = loaded.source.reference
     names = names_of(base, where)
-    _check(base, where)
+    if int(getattr(base, "nhistory", 0)):
+        raise UsageError(
+            f"{where}: it delays actuators or sensors itself; take delay= out of the model: gpsim finds delays"
+        )
     base = corrected(base, names, geometry) if geometry else base
     model = copy.copy(base)
     off = mj.mjtDisableBit
@@ -110,8 +118,9 @@ def body_of(
             model.dof_armature[dof] += HELD
             model.dof_damping[dof] = 0.0
             model.dof_frictionloss[dof] = 0.0
-    parameters, knobs = _parameters(base, names)
-    surfaces = surfaces_of(base, names, where)
+    known, surfaces = parameters_of(base, names), surfaces_of(base, names, where)
+    parameters = {name: declared for name, (declared, _) in known.items()}
+    knobs = {name: knob for name, (_, knob) in known.items()}
     parameters |= {s.parameter: s.declared for s in surfaces}
     knobs |= {s.parameter: s.knob for s in surfaces}
     return Body(loaded, base, model, names, parameters, knobs, surfaces, activations_of(base, where))
@@ -129,137 +138,58 @@ def _let_friction_act(model: Any) -> None:
     model.opt.disableflags = flags & ~int(off.mjDSBL_CONSTRAINT) & ~int(off.mjDSBL_FRICTIONLOSS)
 
 
-def _check(model: Any, where: str) -> None:
-    if int(getattr(model, "nhistory", 0)):
-        raise UsageError(
-            f"{where}: it delays actuators or sensors itself; take delay= out of the model: gpsim finds delays"
+def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mapping[str, ModelPlace]]:
+    """Of each such family its places; shown: the states, and the coordinates, that a recording shows."""
+    states, coordinates = shown
+    model, names, lengths = body.base, body.names, body.lengths()
+    every = zip(names.coordinates, names.joints, names.dofs, strict=True)
+    of_joint = [(c.name, j, d) for c, j, d in every if c.name in coordinates]
+    units = body.names.state.units
+    least = WHOLE * float(model.body_mass.sum())
+    payload = {}
+    for b, name in enumerate(names.bodies):
+        if name in lengths and int(model.body_simple[b]) == 0:
+            size, centre = max(float(model.body_mass[b]), least) or CARRIES, model.body_ipos[b].tolist()
+            payload[name] = ModelPlace("kg", size, lengths[name], centre=tuple(centre))
+    armature = {
+        name: ModelPlace(
+            "kg m^2" if units[name] == "rad" else "kg",
+            float(model.dof_M0[d]),
+            least=float(model.dof_armature[d]),
         )
+        for name, _, d in of_joint
+    }
+    weighs = float(np.linalg.norm(model.opt.gravity))
+    tilt = {"gravity": ModelPlace("rad", 1.0)} if weighs > 0.0 else {}
+    # Every degree of freedom has an actuator, which may hold it against gravity.
+    driven = {int(j) for j in model.actuator_trnid[:, 0]} >= set(range(model.njnt)) and model.njnt == model.nv
+    held = tilt and {"gravity": ModelPlace("1", 1.0)} if driven else {}
+    offset = {
+        name: ModelPlace(units[name], 1.0, steers=servoed(model, j))
+        for name, j, _ in of_joint
+        if name in states
+    }
+    along, pushed = _afloat(body, MOTIONS), _afloat(body, (*POSE[:3], *MOTIONS[3:]))
+    return {
+        "viscous_friction": along,
+        "quadratic_drag": along,
+        "constant_force": pushed,
+        "payload": payload,
+        "armature": armature,
+        "gravity_tilt": tilt,
+        "gravity_compensation": held,
+        "joint_offset": offset,
+    }
 
 
-def _moving(model: Any) -> list[int]:
-    """Bodies that a joint moves, with a mass that counts."""
-    least = LIGHT * float(model.body_mass.sum())
-    return [
-        b for b in range(1, model.nbody) if model.body_weldid[b] != 0 and float(model.body_mass[b]) > least
-    ]
-
-
-def _length(model: Any, body: int) -> float:
-    """About how long a body is [m]: its geoms, and how far its centre of mass is from its frame."""
-    first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
-    sizes = [float(model.geom_rbound[g]) for g in range(first, first + count)] if count else []
-    gyration = math.sqrt(float(model.body_inertia[body].max()) / float(model.body_mass[body]))
-    return max([*sizes, float(np.linalg.norm(model.body_ipos[body])), gyration, SHORT])
-
-
-def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[str, Knob]]:
-    """What may be other than the model believes, and how to write it."""
-    found: dict[str, Parameter] = {}
-    knobs: dict[str, Knob] = {}
-
-    def add(
-        name: str,
-        unit: str,
-        value: float,
-        low: float,
-        high: float,
-        text: str,
-        knob: Knob,
-        additive: float = 0.0,
-    ) -> None:
-        found[name] = Parameter(unit, value, low, high, text, additive)
-        knobs[name] = knob
-
-    size = float(np.linalg.norm(model.opt.gravity))
-    if size > 0.0:
-        add(
-            "gravity",
-            "m/s^2",
-            size,
-            0.0,
-            HEAVIEST * size,
-            "acceleration of gravity",
-            scale_knob(("opt.gravity",), (), size),
-        )
-    for b in _moving(model):
-        name, mass, length = names.bodies[b], float(model.body_mass[b]), _length(model, b)
-        add(
-            f"{name}.mass",
-            "kg",
-            mass,
-            mass / HEAVIEST,
-            HEAVIEST * mass,
-            f"mass of {name}",
-            place_knob("body_mass", b),
-        )
-        if int(model.body_simple[b]) == 0:  # else MuJoCo takes its part of the mass matrix for diagonal
-            for axis, letter in enumerate("xyz"):
-                at = float(model.body_ipos[b, axis])
-                text = f"centre of mass of {name} along its {letter}"
-                knob, far = place_knob("body_ipos", b, axis), LENGTHS * length
-                add(f"{name}.com_{letter}", "m", at, at - far, at + far, text, knob, length)
-        inertia = float(model.body_inertia[b].max())
-        if inertia > 0.0 and not _points(model, b):
-            text = f"largest moment of inertia of {name} about its centre of mass"
-            add(
-                f"{name}.inertia",
-                "kg m^2",
-                inertia,
-                inertia / HEAVIEST,
-                HEAVIEST * inertia,
-                text,
-                scale_knob(("body_inertia",), (b,), inertia),
-            )
-    for i, action in enumerate(names.action.names):
-        stiff, damped = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
-        if stiff > 0.0:
-            add(
-                f"{action}.kp",
-                "1",
-                stiff,
-                stiff / HEAVIEST,
-                HEAVIEST * stiff,
-                f"position gain of {action}",
-                gain_knob(i, 1, stiff, moves=True),
-            )
-        if damped > 0.0:
-            add(
-                f"{action}.kv",
-                "1",
-                damped,
-                damped / HEAVIEST,
-                HEAVIEST * damped,
-                f"velocity gain of {action}",
-                gain_knob(i, 2, damped, moves=stiff <= 0.0),
-            )
-        most = float(np.abs(model.actuator_forcerange[i]).max())
-        if model.actuator_forcelimited[i] and most > 0.0:
-            add(
-                f"{action}.forcerange",
-                "1",
-                most,
-                most / HEAVIEST,
-                HEAVIEST * most,
-                f"the most that {action} gives, in force or torque",
-                scale_knob(("actuator_forcerange",), (i,), most),
-            )
-    return found, knobs
-
-
-def _points(model: Any, body: int) -> bool:
-    """Whether a body only slides along lines: how it resists turning does not show."""
-    turns = [
-        j
-        for j in range(model.njnt)
-        if int(model.jnt_type[j]) != mujoco().mjtJoint.mjJNT_SLIDE
-        and _carries(model, int(model.jnt_bodyid[j]), body)
-    ]
-    return not turns
-
-
-def _carries(model: Any, ancestor: int, body: int) -> bool:
-    while body > 0:
-        if body == ancestor:
-            return True
-        body = int(model.body_parentid[body])
-    return False
+def _afloat(body: Body, axes: Sequence[str]) -> dict[str, ModelPlace]:
+    """Axes of every free joint, with its mass or its moment of inertia and all that hangs on it."""
+    out, model, names = {}, body.base, body.names
+    for joint in names.free:
+        first = names.dof(f"{joint}.x")
+        for axis in axes:
+            dof = names.dof(f"{joint}.{axis}")
+            half = first if dof < first + 3 else first + 3
+            unit, rates = "N" if half == first else "N m", names.rate.names[half : half + 3]
+            out[f"{joint}.{axis}"] = ModelPlace(unit, float(model.dof_M0[dof]), afloat=rates)
+    return out

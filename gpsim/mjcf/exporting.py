@@ -6,7 +6,7 @@ import ast
 import difflib
 import inspect
 import pprint
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -17,15 +17,13 @@ import numpy as np
 from gpsim.effects import bent, turned
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import disk_errors, write_json
-from gpsim.mjcf.attributes import Change, apply, changes_of, named, written
-from gpsim.mjcf.geometry import Moved, Place
-from gpsim.mjcf.moved_attributes import check_moved, move, moved_changes
-from gpsim.mjcf.naming import names_of
+from gpsim.mjcf.attributes import Change, apply, changes_of, check_moved, moved_changes, named, written
+from gpsim.mjcf.geometry import Place
+from gpsim.mjcf.loading import asset_places, spec_of
+from gpsim.mjcf.naming import called, names_of
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.patching import Correction, Patch, patch_of
 from gpsim.mjcf.simulator import MjcfSimulator
-from gpsim.mjcf.specs import asset_places, spec_of
-from gpsim.mjcf.surfaces import surface_names
 from gpsim.mjcf.urdf_out import urdf_of
 
 SCHEMA = "gpsim.patch/1"
@@ -76,14 +74,12 @@ def export_model(
     patch, body = patch_of(correction), correction.simulator.body
     spec = spec_of(name)
     assets = asset_places(spec, out.resolve().parent)
-    named(spec, surface_names(body.surfaces))
+    named(spec, {s.geom: s.name for s in body.surfaces})
     before = written(spec.to_xml(), spec, (), assets)
     changes = changes_of(body, patch.fields, patch.motors, correction.step)
     effects = _account(patch, changes, said, correction)
-    moves = moved_changes(correction.simulator, moved)
-    _move(spec, moves)
+    changes = [*moved_changes(correction.simulator, moved), *changes]
     apply(spec, body, changes)
-    changes = [*moves, *changes]
     wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
     check_moved(wanted, correction.simulator)
     found = _read_back(text, out)
@@ -95,29 +91,22 @@ def export_model(
     about = {
         "schema": SCHEMA, **source, "model": out.name, "wrapper": files["wrapper"].name,
         "control_step": correction.dt, "largest_difference": difference, "effects": effects,
-        "geometry": [_moved(m, moved) for m in correction.simulator.geometry],
+        "geometry": [
+            {**asdict(m.place), "value": m.value, "said": moved.get(m.place, "")}
+            for m in correction.simulator.geometry
+        ],
         **({"not_in_urdf": lost} if urdf else {}),
     }  # fmt: skip
     with disk_errors(out, "--out"):
         files["model"].write_text(text, encoding="utf-8")
         files["wrapper"].write_text(wrapper(told), encoding="utf-8")
-        files["diff"].write_text(_diff(before, text, name, out.name), encoding="utf-8")
+        # From the model as MjSpec writes it, which keeps neither comments nor includes.
+        lines = difflib.unified_diff(before.splitlines(), text.splitlines(), name, out.name, lineterm="", n=1)
+        files["diff"].write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
         if urdf:
             files["urdf"].write_text(as_urdf, encoding="utf-8")
         write_json(files["patch"], about)
     return Exported(files, effects, difference, lost)
-
-
-def _move(spec: Any, moves: Sequence[Change]) -> None:
-    groups = {"reference": spec.joints, "frame": spec.bodies, "site": spec.sites}
-    for change in moves:
-        element = next(e for e in groups[change.kind] if e.id == change.index)
-        move(mujoco(), element, change.kind, change.attributes, spec.compiler.degree)
-
-
-def _moved(moved: Moved, said: Mapping[Place, str]) -> dict[str, Any]:
-    place = moved.place
-    return {**asdict(place), "value": moved.value, "said": said.get(place, "")}
 
 
 def planned(correction: Correction, said: Said) -> list[dict[str, Any]]:
@@ -154,15 +143,12 @@ def wrapper(told: Mapping[str, Any]) -> str:
     empty = "PATCH: dict[str, Any] = {}"
     assert text.count(empty) == 1
     if told["yields"]:
-        text += "".join(_laws(function) for function in YIELDING) + "\n\nLAWS.update(globals())\n"
+        for function in YIELDING:  # the functions and numbers of its module, without its head
+            source = Path(inspect.getfile(function)).read_text(encoding="utf-8")
+            own = [n for n in ast.parse(source).body if isinstance(n, (ast.Assign, ast.FunctionDef))]
+            text += "".join(f"\n\n{ast.get_source_segment(source, node)}\n" for node in own)
+        text += "\n\nLAWS.update(globals())\n"
     return text.replace(empty, f"PATCH: dict[str, Any] = {patch}").replace("MODEL", str(told["model"]), 1)
-
-
-def _laws(function: Callable[..., Any]) -> str:
-    """The functions and numbers of a function's module, without its head."""
-    source = Path(inspect.getfile(function)).read_text(encoding="utf-8")
-    own = [n for n in ast.parse(source).body if isinstance(n, (ast.Assign, ast.FunctionDef))]
-    return "".join(f"\n\n{ast.get_source_segment(source, node)}\n" for node in own)
 
 
 def largest_difference(wanted: Any, found: Any) -> float:
@@ -202,11 +188,9 @@ def _called(simulator: MjcfSimulator, change: Change) -> str:
     """An element by its name in what is written."""
     if change.kind == "option":
         return "option"
-    body = simulator.body
-    name = getattr(body.base, change.kind)(change.index).name
-    if change.kind == "geom":
-        name = surface_names(body.surfaces).get(change.index, name)
-    return f"{change.kind} {name or f'{change.kind}{change.index}'}"
+    own = {s.geom: s.name for s in simulator.body.surfaces} if change.kind == "geom" else {}
+    name = own.get(change.index) or called(simulator.body.base, change.kind, change.index)
+    return f"{change.kind} {name}"
 
 
 @quiet()
@@ -239,9 +223,3 @@ def _read_back(text: str, out: Path) -> Any:
     finally:
         temporary.unlink(missing_ok=True)
     return model
-
-
-def _diff(before: str, after: str, name: str, new: str) -> str:
-    """What differs from the model as MjSpec writes it, which keeps neither comments nor includes."""
-    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), name, new, lineterm="", n=1)
-    return "".join(f"{line}\n" for line in lines)

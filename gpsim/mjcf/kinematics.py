@@ -24,15 +24,10 @@ SMALL = 1e-6  # rad, below which a turn's slope is that of none
 
 @dataclass(frozen=True)
 class Poses:
-    """points (N, T, 3) m and axes (N, T, 3, 3) of all targets, in the motion capture's frame."""
+    """points (N, T, 3) m and axes (N, T, 3, 3) of all targets, in the motion capture's frame.
 
-    points: FloatArray
-    axes: FloatArray
-
-
-@dataclass(frozen=True)
-class Slopes:
-    """By how much points (N, T, 3, P) move, and axes turn (N, T, 3, P) rad in the frame, a unit of a place."""
+    Or a unit's slopes of places: by how much points (N, T, 3, P) move, and axes turn (N, T, 3, P) rad in the frame.
+    """
 
     points: FloatArray
     axes: FloatArray
@@ -81,7 +76,7 @@ class Kinematics:
         away = values[3:6] + self.pivot
         return Poses((passed.points - self.pivot) @ turn.T + away, turn @ passed.axes)
 
-    def slopes(self, qpos: FloatArray, values: FloatArray) -> Slopes:
+    def slopes(self, qpos: FloatArray, values: FloatArray) -> Poses:
         """The same places' slopes, exact at these values."""
         model, turn = self._moved(values), rotation_of(values[:3])
         passed = self._passed(model, qpos, values)
@@ -97,7 +92,7 @@ class Kinematics:
         for i in range(3):
             points[..., i], axes[..., i] = np.cross(swing[:, i], arms), swing[:, i]
             points[..., i, 3 + i] = 1.0
-        return Slopes(points, axes)
+        return Poses(points, axes)
 
     def _slope(
         self, model: Any, place: Place, k: int, passed: _Passed, values: FloatArray
@@ -134,10 +129,8 @@ class Kinematics:
         return None
 
     def _moved(self, values: FloatArray) -> Any:
-        model = copy.copy(self.body.base)
-        written(
-            model, self.body.names, [Moved(p, float(v)) for p, v in zip(self.places, values, strict=True)]
-        )
+        model, moved = copy.copy(self.body.base), zip(self.places, values, strict=True)
+        written(model, self.body.names, [Moved(place, float(value)) for place, value in moved])
         return model
 
     def _passed(self, model: Any, qpos: FloatArray, values: FloatArray) -> _Passed:
@@ -155,17 +148,13 @@ class Kinematics:
             for out, now in held:
                 out[n] = now
         of_bodies, of_sites = xmat.reshape(count, -1, 3, 3), frames.reshape(count, -1, 3, 3)
-        points = np.stack(
-            [sites[:, t.site] if t.site >= 0 else xpos[:, t.body] for t in self.targets], axis=1
-        )
-        axes = np.stack(
-            [of_sites[:, t.site] if t.site >= 0 else of_bodies[:, t.body] for t in self.targets], axis=1
-        )
+        every = [(sites[:, t.site], of_sites[:, t.site]) if t.site >= 0 else (xpos[:, t.body], of_bodies[:, t.body])
+                 for t in self.targets]  # fmt: skip
+        points, axes = (np.stack(each, axis=1) for each in zip(*every, strict=True))
         for k, target in enumerate(self.targets):
             if target.site < 0:  # a marker on a body, which the model has no place for
-                vectors = {kind: self._own(kind, target.name, values) for kind in ("site place", "site turn")}
-                points[:, k] += of_bodies[:, target.body] @ vectors["site place"]
-                axes[:, k] = axes[:, k] @ rotation_of(vectors["site turn"])
+                points[:, k] += of_bodies[:, target.body] @ self._own("site place", target.name, values)
+                axes[:, k] = axes[:, k] @ rotation_of(self._own("site turn", target.name, values))
         return _Passed(xpos, of_bodies, anchor, axis, points, axes)
 
     def _own(self, kind: str, on: str, values: FloatArray) -> FloatArray:
@@ -177,15 +166,9 @@ class Kinematics:
         return out
 
 
-def cross_matrix(vector: FloatArray) -> FloatArray:
-    """(3, 3) that multiplies as a cross product does."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def rotation_of(vector: FloatArray) -> FloatArray:
     """(3, 3) of a rotation vector (3,) rad (Rodrigues)."""
-    angle, k = float(np.linalg.norm(vector)), cross_matrix(vector)
+    angle, k = float(np.linalg.norm(vector)), _cross_matrix(vector)
     if angle < SMALL:
         return np.asarray(np.eye(3) + k)
     return np.asarray(np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / angle**2 * k @ k)
@@ -193,7 +176,7 @@ def rotation_of(vector: FloatArray) -> FloatArray:
 
 def turn_slope(vector: FloatArray) -> FloatArray:
     """(3, 3): the axes about which a rotation turns on, a unit more of each part of its vector (left Jacobian)."""
-    angle, k = float(np.linalg.norm(vector)), cross_matrix(vector)
+    angle, k = float(np.linalg.norm(vector)), _cross_matrix(vector)
     if angle < SMALL:
         return np.asarray(np.eye(3) + 0.5 * k)
     first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
@@ -205,3 +188,8 @@ def matrix(quat: FloatArray | list[float]) -> FloatArray:
     out = np.zeros(9)
     mujoco().mju_quat2Mat(out, np.asarray(quat, dtype=np.float64))
     return out.reshape(3, 3)
+
+
+def _cross_matrix(vector: FloatArray) -> FloatArray:
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,15 +1,18 @@
-"""Where a simulator's channels lie in a model's positions and velocities, and what stands where no channel is."""
+"""Where a simulator's channels lie in a model's positions and velocities, and what touches in such states."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import copy
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.naming import POSE
+from gpsim.mjcf.optional import mujoco, quiet
 
 
 @dataclass(frozen=True)
@@ -35,16 +38,13 @@ class Layout:
     def of(cls, body: Body, state: Channels, fixed: Mapping[str, float]) -> Layout:
         """The layout of the channels `state` of a model, whose other ones are `fixed`."""
         names, model = body.names, body.model
-        placed = zip(names.state, names.positions, names.velocities, strict=True)
-        every = {c.name: (q, v) for c, q, v in placed}
+        every = dict(zip(names.state.names, zip(names.positions, names.velocities, strict=True), strict=True))
         at = [every[c.name] for c in state]
         qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
         for name, value in fixed.items():
             q, v = every[name]
-            if q >= 0:
-                qpos[q] = value
-            else:
-                qvel[v] = value
+            where, place = (qpos, q) if q >= 0 else (qvel, v)
+            where[place] = value
         places = [(int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])) for j in range(model.njnt)]
         return cls(
             len(state),
@@ -124,16 +124,16 @@ class Layout:
             moves[:, q] = qvel[:, v]
         for q, v in self.freed:
             moves[:, q : q + 3] = qvel[:, v : v + 3]
-            moves[:, q + 3 : q + 7] = _turning(qpos[:, q + 3 : q + 7], qvel[:, v + 3 : v + 6])
+            w, x, y, z = qpos[:, q + 3 : q + 7].T
+            a, b, c = qvel[:, v + 3 : v + 6].T  # rad/s of the body's own frame
+            turns = [
+                -x * a - y * b - z * c,
+                w * a + y * c - z * b,
+                w * b + z * a - x * c,
+                w * c + x * b - y * a,
+            ]
+            moves[:, q + 3 : q + 7] = 0.5 * np.stack(turns, axis=1)
         return self.state(moves, acceleration)
-
-
-def _turning(quat: FloatArray, omega: FloatArray) -> FloatArray:
-    """(B, 4): d/dt of unit quaternions (B, 4), real part first, turned by omega (B, 3) rad/s of their own frame."""
-    w, x, y, z = quat.T
-    a, b, c = omega.T
-    slopes = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
-    return np.asarray(0.5 * np.stack(slopes, axis=1))
 
 
 def turned_by(quat: FloatArray, slope: FloatArray) -> FloatArray:
@@ -151,3 +151,66 @@ def _times(a: FloatArray, b: FloatArray) -> FloatArray:
         w * k + x * j - y * i + z * s,
     ]
     return np.asarray(np.stack(parts, axis=-1))
+
+
+def dense(model: Any, packed: FloatArray) -> FloatArray:
+    """(B, nv, nv) symmetric of MuJoCo's packed lower triangles (B, nC)."""
+    out = np.zeros((len(packed), model.nv, model.nv))
+    for row in range(model.nv):
+        first, count = int(model.M_rowadr[row]), int(model.M_rownnz[row])
+        columns = np.asarray(model.M_colind[first : first + count])
+        out[:, row, columns] = packed[:, first : first + count]
+        out[:, columns, row] = packed[:, first : first + count]
+    return out
+
+
+def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArray, list[str]]:
+    """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
+    model, deepest, pairs = body.base, np.zeros(len(state)), [""] * len(state)
+    for i, data in _contacts(model, layout, state):
+        for contact in data.contact[: data.ncon]:
+            if contact.dist < deepest[i]:
+                deepest[i] = contact.dist
+                pairs[i] = " and ".join(body.names.bodies[model.geom_bodyid[g]] for g in contact.geom)
+    return deepest, pairs
+
+
+def meetings(body: Body, layout: Layout, state: FloatArray) -> frozenset[frozenset[int]]:
+    """Pairs of geoms that touch in any of these states (B, S)."""
+    touching = _contacts(body.base, layout, state)
+    return frozenset(frozenset(p) for _, data in touching for p in data.contact.geom[: data.ncon].tolist())
+
+
+def pressed(body: Body, layout: Layout, state: FloatArray, margin: float) -> BoolArray:
+    """(B, nv): the degrees of freedom that what touches pushes, or would if it were nearer by margin [m]."""
+    model = copy.copy(body.base)
+    model.geom_margin[:] += margin
+    carried = np.zeros((model.nbody, model.nv), dtype=np.bool_)
+    for b in range(1, model.nbody):  # parents come first
+        own = slice(int(model.body_dofadr[b]), int(model.body_dofadr[b]) + int(model.body_dofnum[b]))
+        carried[b] = carried[model.body_parentid[b]]
+        carried[b, own] = bool(model.body_dofnum[b])
+    out = np.zeros((len(state), model.nv), dtype=np.bool_)
+    for i, data in _contacts(model, layout, state):
+        one, other = model.geom_bodyid[data.contact.geom[: data.ncon]].T
+        out[i] = (carried[one] ^ carried[other]).any(axis=0)
+    return out
+
+
+def comes_near(body: Body, layout: Layout, state: FloatArray, margin: float) -> bool:
+    """Whether in any of these states (B, S) two bodies that may touch are nearer to each other than margin [m]."""
+    model = copy.copy(body.base)
+    model.geom_margin[:] += margin
+    model.pair_margin[:] += margin
+    return any(True for _ in _contacts(model, layout, state))
+
+
+def _contacts(model: Any, layout: Layout, state: FloatArray) -> Iterator[tuple[int, Any]]:
+    """The numbers of the states (B, S) in which something touches, with MuJoCo's data of that moment."""
+    mj, data = mujoco(), mujoco().MjData(model)
+    with quiet():
+        for i, q in enumerate(layout.full(state)[0]):
+            data.qpos[:] = q
+            mj.mj_fwdPosition(model, data)
+            if data.ncon:
+                yield i, data

@@ -7,6 +7,7 @@ import hashlib
 import importlib.util
 import os
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,12 +16,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from gpsim import supervision
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest, unreadable
-from gpsim.mjcf.compiled import check_model
-from gpsim.mjcf.faults import compile_fault, one_line
-from gpsim.mjcf.model_files import MODEL_FILES, files_of_model
+from gpsim.limits import MODEL_BODIES, MODEL_JOINTS, allowed, more
+from gpsim.mjcf.model_files import MODEL_FILES, compile_fault, files_of_model, one_line
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.urdf import apart, completed, is_urdf
 from gpsim.simulators import asked
@@ -28,6 +30,10 @@ from gpsim.trust import GYM, check_file, check_module
 
 FILMS = "imageio"
 ENDLESS = 1000  # steps of an episode where an environment names none
+ASSETS = ("meshdir", "texturedir")
+SHORTEST, LONGEST = 1e-6, 1.0  # s, the steps of models
+FINITE = ("qpos0", "body_", "jnt_", "dof_", "actuator_", "geom_")
+"""Fields of a model, or how their names begin, in which every number is finite."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +68,19 @@ def is_mujoco(reference: str) -> bool:
     if reference.startswith(GYM) or reference.lower().endswith(MODEL_FILES):
         return True
     file, _, name = reference.rpartition(":")
-    return file.endswith(".py") and Path(file).is_file() and _is_function(Path(file), name)
+    if not (file.endswith(".py") and Path(file).is_file()):
+        return False
+    try:
+        tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, UnicodeDecodeError, ValueError):
+        return False
+    # A class at its top level is a system of equations.
+    return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)
 
 
 def load(reference: str) -> Loaded:
     """The model as its files are now; raises UsageError. What was loaded from the same files is not compiled again."""
-    source = source_of(reference)
-    return _loaded(reference, source.digest)
+    return _loaded(reference, source_of(reference).digest)
 
 
 @lru_cache(maxsize=8)
@@ -77,13 +89,18 @@ def _loaded(reference: str, digest: str) -> Loaded:
     step: float | None = None
     notes: tuple[str, ...] = ()
     if reference.startswith(GYM):
-        model, step = _of_environment(reference)
+        found = _environment(reference)
+        if not isinstance(getattr(found, "model", None), mujoco().MjModel):
+            raise UsageError(
+                f"--simulator {reference}: {type(found).__name__} is not built on MuJoCo; bring its robot as robot.xml "
+                "or robot.urdf, or its equations as FILE.py:ClassName"
+            )
+        model, step = found.model, float(found.dt)
     elif ":" in reference and reference.rpartition(":")[0].endswith(".py"):
         model = _of_function(reference)
     else:
-        spec, notes = _opened(Path(reference))
-        model = _compiled(spec, Path(reference))
-    check_model(model, reference)
+        model, notes = _of_file(Path(reference), compiling=True)
+    _check_model(model, reference)
     return Loaded(model, source_of(reference), step, notes)
 
 
@@ -95,7 +112,7 @@ def notes_of(reference: str) -> tuple[str, ...]:
 def source_of(reference: str) -> Source:
     """The files that a model is made of; raises UsageError where the first of them is not there."""
     if reference.startswith(GYM):
-        path = Path(str(getattr(_environment(reference), "fullpath", "")))
+        path = _file_of_environment(reference)
         return Source(reference, _digests(path) if path.is_file() else {})
     file = reference.rpartition(":")[0]
     path = Path(file if file.endswith(".py") else reference)
@@ -109,45 +126,22 @@ def source_of(reference: str) -> Source:
 def _digests(path: Path) -> dict[str, str]:
     """Of a model's file and all that it names, as far as they are there; raises UsageError, see `files_of_model`."""
     base = path.resolve().parent
-    return {_relative(p, base): file_digest(p) for p in sorted(files_of_model(path))}
+    return {Path(os.path.relpath(p, base)).as_posix(): file_digest(p) for p in sorted(files_of_model(path))}
 
 
-def _relative(path: Path, base: Path) -> str:
-    return Path(os.path.relpath(path, base)).as_posix()
-
-
-def spec_of_file(path: Path) -> Any:
-    """The MjSpec of robot.xml or robot.urdf; raises UsageError."""
-    return _opened(path)[0]
-
-
-def _opened(path: Path) -> tuple[Any, tuple[str, ...]]:
-    """The MjSpec of a file, and what of a URDF is not as it says."""
-    mj = mujoco()
+def _of_file(path: Path, *, compiling: bool) -> tuple[Any, tuple[str, ...]]:
+    """The MjSpec of robot.xml or robot.urdf, or its model, and what of a URDF is not as it says; raises UsageError."""
+    notes: tuple[str, ...] = ()
     try:
-        spec = mj.MjSpec.from_file(str(path))
-        if not is_urdf(path):
-            return spec, ()
-        notes = completed(spec, path)
-        return spec, (*notes, *apart(spec, spec.compile()))
+        spec = mujoco().MjSpec.from_file(str(path))
+        if is_urdf(path):
+            notes = tuple(completed(spec, path))
+            notes = (*notes, *apart(spec, spec.compile()))
+        return spec.compile() if compiling else spec, notes
     except Terminated:
         raise
     except Exception as error:  # parser and compiler raise what they like
         raise compile_fault(path, error) from error
-
-
-def _compiled(spec: Any, path: Path) -> Any:
-    try:
-        return spec.compile()
-    except Terminated:
-        raise
-    except Exception as error:  # as above
-        raise compile_fault(path, error) from error
-
-
-def file_of_environment(reference: str) -> Path:
-    """The model file of gym:ID."""
-    return Path(str(getattr(_environment(reference), "fullpath", "")))
 
 
 def _of_function(reference: str) -> Any:
@@ -187,15 +181,8 @@ def made_by(reference: str) -> Any:
     return asked(made, f"{name}()", reference)
 
 
-def _of_environment(reference: str) -> tuple[Any, float]:
-    found = _environment(reference)
-    mj = mujoco()
-    if not isinstance(getattr(found, "model", None), mj.MjModel):
-        raise UsageError(
-            f"--simulator {reference}: {type(found).__name__} is not built on MuJoCo; bring its robot as robot.xml or "
-            "robot.urdf, or its equations as FILE.py:ClassName"
-        )
-    return found.model, float(found.dt)
+def _file_of_environment(reference: str) -> Path:
+    return Path(str(getattr(_environment(reference), "fullpath", "")))
 
 
 @lru_cache(maxsize=4)
@@ -234,10 +221,80 @@ def _without_pictures() -> Iterator[None]:
         del sys.modules[FILMS]
 
 
-def _is_function(path: Path, name: str) -> bool:
-    """Whether a Python file defines `name` as a function, at its top level: a class is a system of equations."""
-    try:
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-    except (OSError, SyntaxError, UnicodeDecodeError, ValueError):
-        return False
-    return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)
+@quiet()
+def spec_of(reference: str) -> Any:
+    """A new MjSpec of a simulator's model, compiled once. Raises UsageError."""
+    mj = mujoco()
+    if not reference.startswith(GYM) and reference.rpartition(":")[0].endswith(".py"):
+        made = made_by(reference)
+        spec = made if isinstance(made, mj.MjSpec) else _saved(mj, made, reference)
+    else:
+        path = _file_of_environment(reference) if reference.startswith(GYM) else Path(reference)
+        spec, _ = _of_file(path, compiling=False)
+    spec.compile()
+    return spec
+
+
+def _saved(mj: Any, model: Any, reference: str) -> Any:
+    """What MuJoCo remembers of the last XML that it read, which must be this model."""
+    fault = UsageError(
+        f"{reference}: returns a compiled model of which MuJoCo no longer knows the XML; let the function return the "
+        "mujoco.MjSpec instead"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "model.xml")
+        try:
+            mj.mj_saveLastXML(path, model)
+            spec = mj.MjSpec.from_file(path)
+            same = spec.compile().nq == model.nq
+        except Terminated:
+            raise
+        except Exception as error:
+            raise fault from error
+    if not same:
+        raise fault
+    return spec
+
+
+def asset_places(spec: Any, folder: Path) -> dict[str, str]:
+    """Where meshes and textures are looked for from `folder`: they stay where they are. Empty where there are none."""
+    groups = (spec.meshes, spec.textures, spec.hfields, spec.skins)
+    if not any(part.file for group in groups for part in group):
+        return {}
+    places = {name: Path(spec.modelfiledir or ".") / getattr(spec, name) for name in ASSETS}
+    return {name: os.path.relpath(place.resolve(), folder) for name, place in places.items()}
+
+
+def _check_model(model: Any, where: str) -> None:
+    """Raises UsageError for a model that no simulation can be made of. where: what the message calls it."""
+    step = float(model.opt.timestep)
+    if not SHORTEST <= step <= LONGEST:
+        raise UsageError(
+            f"{where}: its timestep is {step:g} s, gpsim takes steps of {SHORTEST:g} to {LONGEST:g} s; "
+            "mend timestep in <option>"
+        )
+    for what, found, limit in (
+        ("bodies", int(model.nbody), MODEL_BODIES),
+        ("degrees of freedom", int(model.nv), MODEL_JOINTS),
+    ):
+        if found > allowed(limit):
+            raise UsageError(
+                f"{where}: it has {found} {what}, the limit is {allowed(limit)}; {more(found, limit)}"
+            )
+    try:  # MuJoCo takes any bytes for a name, and Python cannot ask for one that is no text
+        bytes(model.names).decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{where}: a name in it is no UTF-8 text; save the model's files as UTF-8"
+        ) from error
+    fields = {name: getattr(model, name) for name in dir(model) if name.startswith(FINITE)}
+    for name, values in (fields | {"gravity": model.opt.gravity}).items():
+        if isinstance(values, np.ndarray) and values.dtype.kind == "f" and np.isnan(values).any():
+            row = int(np.argwhere(np.isnan(values))[0][0])
+            raise UsageError(f"{where}: {name} of number {row} is not a number (nan); fix it in the model")
+    try:  # MuJoCo ends a simulation, not only a step, where its memory is too small for what touches
+        mujoco().mj_forward(model, mujoco().MjData(model))
+    except Terminated:
+        raise
+    except Exception as error:
+        raise UsageError(f"{where}: MuJoCo cannot simulate it: {one_line(error)}") from error

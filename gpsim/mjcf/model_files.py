@@ -1,22 +1,25 @@
 """The files that a model is made of, looked at before MuJoCo opens any of them: what they are, and how much they make.
 
 MuJoCo waits for ever at a pipe, reads a device until memory is full, and makes as many bodies as <replicate> asks for.
+XML is read as leniently as MuJoCo reads it, in bounded time and memory: its parser takes comments with `--` in them and
+knows no entities of a document's own; the standard library's refuses the former and expands the latter. What is counted
+here must be what MuJoCo will see. And why a model does not compile, in one line: file, line and reason.
 """
 
 from __future__ import annotations
 
+import html
 import math
+import re
 import stat
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gpsim.errors import UsageError
 from gpsim.limits import MODEL_ASSETS, MODEL_BYTES, MODEL_ELEMENTS, MODEL_NUMBERS, allowed, more
-from gpsim.mjcf.faults import one_line
 from gpsim.mjcf.urdf import mesh_file, mesh_places
-from gpsim.mjcf.xml_elements import Element, XmlError, elements
 
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
@@ -26,6 +29,75 @@ ROOM = {"texture": ("width", "height"), "hfield": ("nrow", "ncol"), "numeric": (
 """Elements that ask for room, and the attributes that multiply."""
 INCLUDED = 50  # files within each other
 PNG, PIXELS = b"\x89PNG\r\n\x1a\n", slice(16, 24)
+_NAME = r"[^\s/>=<\"']++"
+_ATTRIBUTE = rf"\s*+({_NAME})\s*+=\s*+(?:\"([^\"]*+)\"|'([^']*+)')"
+_TOKEN = re.compile(
+    r"<!--(?s:.*?)-->|<!\[CDATA\[(?s:.*?)\]\]>|<\?(?s:.*?)\?>|(?P<declared><![^>]*+>)"
+    rf"|</\s*+(?P<closed>{_NAME})[^>]*+>"
+    rf"|<(?P<name>{_NAME})(?P<attributes>(?:{_ATTRIBUTE.replace('(' + _NAME, '(?:' + _NAME)})*+)\s*+(?P<empty>/?+)>"
+)
+_ATTRIBUTES = re.compile(_ATTRIBUTE)
+DEEPEST = 500  # as MuJoCo's parser
+_ENTITY = re.compile(r"<!\s*(ENTITY|DOCTYPE[^>]*\[)")
+MOST = 240  # characters of what somebody else says
+_LINE = re.compile(r"(?:, *line |Line number=)(\d+)")
+_UNCLOSED = re.compile(r"XML_ERROR_MISMATCHED_ELEMENT.*?XMLElement name=(\w+)")
+_NOISE = re.compile(
+    r"(XML )?Error: |XML parse error \d+: |Schema violation: |ErrorID=\S+ \(\w+\)|XMLElement name=\w+"
+)
+_OF = re.compile(r" ?Element name '([^']*)'(?:, id \d+)?| ?Element '([^']*)'")
+
+
+class XmlError(Exception):
+    """What is no XML that a model may be made of: where, and why."""
+
+    def __init__(self, line: int, reason: str) -> None:
+        super().__init__(reason)
+        self.line, self.reason = line, reason
+
+
+@dataclass(frozen=True)
+class Element:
+    """An element where it begins: its tag, its attributes, the tags around it, the outermost first, and its line."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    above: tuple[str, ...]
+    line: int
+    empty: bool
+
+
+def elements(text: str) -> Iterator[Element | None]:
+    """Every element where it begins, and None where one ends that is not empty; raises XmlError.
+
+    What is closed by another's name is MuJoCo's to refuse, which looks at that before anything else: it ends here.
+    """
+    above: list[str] = []
+    position, line = 0, 1
+    while (start := text.find("<", position)) >= 0:
+        line += text.count("\n", position, start)
+        token = _TOKEN.match(text, start)
+        if token is None:
+            raise XmlError(line, "it is no XML: a < that begins no tag")
+        declared = token["declared"]
+        if declared is not None and _ENTITY.match(declared):
+            raise XmlError(
+                line, "it declares entities, which a model has no use for; write out what they stand for"
+            )
+        if token["closed"] is not None:
+            if not above or above.pop() != token["closed"]:
+                return
+            yield None
+        elif (tag := token["name"]) is not None:
+            pairs = _ATTRIBUTES.finditer(token["attributes"])
+            attributes = {m[1]: html.unescape(m[2] if m[2] is not None else m[3]) for m in pairs}
+            yield Element(tag, attributes, tuple(above), line, bool(token["empty"]))
+            if not token["empty"]:
+                above.append(tag)
+            if len(above) > DEEPEST:
+                raise XmlError(line, f"its elements are nested more than {DEEPEST} deep")
+        line += token[0].count("\n")
+        position = token.end()
 
 
 @dataclass
@@ -55,10 +127,11 @@ def files_of_model(path: Path) -> tuple[Path, ...]:
     _take_model(census, main)
     heavy = 0
     for by, name in dict.fromkeys(census.named):
-        for place in _places(census, by):
-            for candidate in mesh_places(name, place):
-                _check_ordinary(candidate, by)
-        found = next((f for p in _places(census, by) if (f := mesh_file(name, p)) is not None), None)
+        folders = (by.parent, main.parent)
+        places = [p for f in folders for p in (f, *(f / d for d in dict.fromkeys(census.directories)))]
+        for candidate in (c for place in places for c in mesh_places(name, place)):
+            _check_ordinary(candidate, by)
+        found = next((f for p in places if (f := mesh_file(name, p)) is not None), None)
         if found is not None and found not in census.files:
             census.files[found] = None
             heavy += _weight(found)
@@ -81,6 +154,12 @@ def _take_model(census: Census, path: Path) -> None:
     _check_made(census, str(path))
     census.attached = attached
     census.models[path] = census.made - before
+
+
+def _check_made(census: Census, where: str) -> None:
+    limit = allowed(MODEL_ELEMENTS)
+    if census.made > limit:
+        raise UsageError(f"{where} and what is before it make more than {limit} elements; {more()}")
 
 
 def _take(census: Census, path: Path, times: int) -> None:
@@ -108,21 +187,15 @@ def _take(census: Census, path: Path, times: int) -> None:
     census.open = census.open[:-1]
 
 
-def _check_made(census: Census, where: str) -> None:
-    limit = allowed(MODEL_ELEMENTS)
-    if census.made > limit:
-        raise UsageError(f"{where} and what is before it make more than {limit} elements; {more()}")
-
-
 def _count(census: Census, path: Path, element: Element, times: int) -> None:
     census.made += times
     census.attached += times if element.tag == "attach" else 0
     census.numbers += times * _room(element)
-    where = f"{path}, line {element.line}"
-    _check_made(census, f"{where}: <{one_line(element.tag)}>")
+    where = f"{path}, line {element.line}: <{one_line(element.tag)}>"
+    _check_made(census, where)
     if census.numbers > allowed(MODEL_NUMBERS):
         raise UsageError(
-            f"{where}: <{one_line(element.tag)}> asks for room for {census.numbers:.3g} numbers, the limit is "
+            f"{where} asks for room for {census.numbers:.3g} numbers, the limit is "
             f"{allowed(MODEL_NUMBERS)}; {more(census.numbers, MODEL_NUMBERS)}"
         )
     census.directories += [element.attributes[d] for d in DIRECTORIES if element.attributes.get(d)]
@@ -146,13 +219,6 @@ def _model_file(census: Census, path: Path, name: str) -> Path | None:
         if candidate.is_file():
             return candidate.resolve()
     return None
-
-
-def _places(census: Census, by: Path) -> Iterator[Path]:
-    """Folders in which a file that `by` names may lie."""
-    for folder in dict.fromkeys((by.parent, census.main.parent)):
-        yield folder
-        yield from (folder / name for name in dict.fromkeys(census.directories))
 
 
 def _check_ordinary(path: Path, by: Path) -> None:
@@ -184,13 +250,11 @@ def _text(census: Census, path: Path) -> str:
 def _room(element: Element) -> int:
     """How many numbers an element asks room for, beside what every element takes."""
     if element.tag == "size":
-        keys = [key for key in element.attributes if key.startswith("n")]
-        return sum(_product(element, (key,)) for key in keys)
+        return sum(_product(element, (key,)) for key in element.attributes if key.startswith("n"))
     asked = _product(element, ROOM[element.tag]) if element.tag in ROOM else 0
-    shape = (
-        _product(element, ("params",)) if element.attributes.get("builtin") and element.tag == "mesh" else 0
-    )
-    return asked + shape + (_product(element, ("nsample",)) if "nsample" in element.attributes else 0)
+    if element.attributes.get("builtin") and element.tag == "mesh":
+        asked += _product(element, ("params",))
+    return asked + (_product(element, ("nsample",)) if "nsample" in element.attributes else 0)
 
 
 def _product(element: Element, keys: tuple[str, ...]) -> int:
@@ -216,3 +280,33 @@ def _weight(path: Path) -> int:
         width, height = struct.unpack(">II", head[PIXELS])
         return max(size, 4 * int(width) * int(height))
     return size
+
+
+def compile_fault(path: Path, error: BaseException) -> UsageError:
+    """A fault of an XML: MuJoCo's own words, behind the line that they are about."""
+    said = one_line(error)
+    number = int(found[1]) if (found := _LINE.search(said)) else _line_of(path, said)
+    at = f"{path}, line {number}" if number else str(path)
+    if (unclosed := _UNCLOSED.search(said)) is not None:
+        return UsageError(f"{at}: does not compile: <{unclosed[1]}> is not closed, or by another's name")
+    of = _OF.search(said)
+    place = "" if of is None else f" (in '{of[1]}')" if of[1] else f" (in <{of[2]}>)" if of[2] else ""
+    short = " ".join(_NOISE.sub("", _LINE.sub("", _OF.sub("", said))).split()).strip(" ,")
+    return UsageError(f"{at}: does not compile: {short}{place}")
+
+
+def one_line(said: object) -> str:
+    """One printable line of what MuJoCo, a file or somebody's code says, which may be several."""
+    flat = " ".join(str(said).split())[:MOST]
+    return "".join(c if c.isprintable() else "?" for c in flat)
+
+
+def _line_of(path: Path, said: str) -> int:
+    """The line that holds what the message quotes, 0 where it quotes nothing of the file."""
+    quoted = [word for word in re.findall(r"'([^']*)'", said) if word]
+    sought = [f'"{word}"' for word in quoted] or (["<key "] if "keyframe" in said else [])
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return 0
+    return next((n for n, line in enumerate(lines, 1) if any(word in line for word in sought)), 0)

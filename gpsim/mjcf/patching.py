@@ -1,14 +1,17 @@
-"""Where each effect goes when a corrected model is written down: an attribute of MJCF, the wrapper, or nowhere."""
+"""Where each effect goes when a corrected model is written down: an attribute of MJCF, the wrapper, or nowhere.
+
+What becomes of commands is the motor's where MJCF can say gain, bias, range and delay so, else the wrapper's.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
-from gpsim.channels import FloatArray
 from gpsim.effects import (
     RISE,
     ActuatorEffect,
@@ -18,14 +21,15 @@ from gpsim.effects import (
     Measured,
     SensorEffect,
     Term,
+    Values,
     effect_of,
 )
-from gpsim.mjcf.afloat import axes_of
+from gpsim.mjcf.actuators import plain_drive
 from gpsim.mjcf.body import Body
-from gpsim.mjcf.commanding import Motor, actuator_name, motors_of
-from gpsim.mjcf.native import FORCE, Fields, native_of
+from gpsim.mjcf.naming import axes_of, called
+from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.plan import FORCE, Fields, Plan, native_of
 from gpsim.mjcf.simulator import MjcfSimulator
-from gpsim.mjcf.stepping import Plan
 
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
 GRIPS = ("coulomb_friction", "stribeck_friction", "load_friction", "local_friction_patch", "force_curve")
@@ -34,6 +38,8 @@ DRAGS = ("viscous_friction", "quadratic_drag")
 """Laws along a floating body's own axes that the wrapper knows."""
 READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_lag", "sensor_curve", "joint_offset")
 """Laws of sensors that the wrapper knows."""
+AFFINE = ("actuator_gain", "actuator_bias")
+"""What MJCF's gain and bias can say, at the end of a command's way."""
 
 
 @dataclass(frozen=True)
@@ -66,99 +72,179 @@ class Went:
     elements: tuple[tuple[str, int], ...] = ()
 
 
+@dataclass(frozen=True)
+class Motor:
+    """An actuator that acts otherwise: force = scale * gain * command + gain * more + bias; limit, delay: if any."""
+
+    index: int
+    scale: float = 1.0
+    more: float = 0.0
+    limit: float | None = None
+    delay: float | None = None
+
+
 @dataclass
 class Patch:
     """A model's fields (1, ...) as they are to be, its motors, what the wrapper is told, and where each effect went."""
 
+    plan: Plan
+    values: Sequence[Values]
     fields: Fields
-    motors: Sequence[Motor]
     told: dict[str, Any]
+    motors: list[Motor] = field(default_factory=list)
     went: list[Went] = field(default_factory=list)
+
+    def went_to(
+        self, term: Term, where: Where, why: str = "", elements: tuple[tuple[str, int], ...] = ()
+    ) -> None:
+        """Note where an effect went."""
+        self.went.append(Went(term, where, why, elements))
 
 
 def patch_of(correction: Correction) -> Patch:
     """Split the effects of a correction."""
-    simulator = correction.simulator
-    body, plan = simulator.body, Plan(simulator.body, correction.terms, correction.parameters)
-    values = [{k: np.array([v]) for k, v in t.values.items()} for t in correction.terms]
-    fields = Fields(body, 1, np.array([correction.step]), {})
+    simulator, terms = correction.simulator, correction.terms
+    body, plan = simulator.body, Plan(simulator.body, terms, correction.parameters)
+    values = [{k: np.array([v]) for k, v in t.values.items()} for t in terms]
+    fields = Fields(body, 1, np.array([correction.step]))
     plan.believed(fields)
-    plan.write([i for i in plan.lasting if not _is_force(correction.terms[i], body)], fields, values, {})
-    motors, commands, went = motors_of(body, simulator.action.names, correction.terms, correction.step)
-    patch = Patch(fields, motors, {}, [])
-    for term, where, why in went:
-        index = simulator.action.index(term.on)
-        patch.went.append(Went(term, where, why, (("actuator", index),) if where == "attribute" else ()))
-    told = patch.told = {
+    plan.write([i for i in plan.lasting if not _is_force(terms[i], body)], fields, values, {})
+    told: dict[str, Any] = {
         "control_step": correction.dt,
         "substeps": correction.substeps,
         "age": correction.age,
-        "commands": commands,
-        "laws": [],
-        "forces": [],
-        "drags": [],
-        "yields": [],
-        "changes": [],
-        "sensors": [],
+        "commands": {},
+        **{kind: [] for kind in ("laws", "forces", "drags", "yields", "changes", "sensors")},
     }
-    for i, term in enumerate(correction.terms):
-        _place(i, term, plan, values, patch)
-    told["sensors"].sort(key=lambda s: _order(s["family"]))
+    patch = Patch(plan, values, fields, told)
+    _place_commands(patch, simulator.action.names, correction.step)
+    for i, term in enumerate(terms):
+        if not isinstance(term.effect, ActuatorEffect):
+            _place(i, term, patch)
+    told["sensors"].sort(key=lambda s: effect_of(s["family"]).order)
     told["channels"] = _channels(simulator, told)
     joints = (body.model.joint(j) for j in body.names.joints)
     told["moving"] = [[int(j.qposadr[0]), int(j.dofadr[0])] for j in joints]
     return patch
 
 
-def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], patch: Patch) -> None:
-    effect, told = term.effect, patch.told
-    region = {name: [float(low), float(high)] for name, (low, high) in term.gate.region.items()}
-    if isinstance(effect, ActuatorEffect):
-        return
+def _place_commands(patch: Patch, names: Sequence[str], step: float) -> None:
+    """The actuators that MJCF can correct, and what the wrapper does to commands.
+
+    Gain and bias at the end of the way are the motor's own; a limit or a delay before them, if nothing else acts and
+    no friction asks what the motor gives. Nothing is where a spring is between motor and joint.
+    """
+    body, terms = patch.plan.body, patch.plan.terms
+    loaded = any(isinstance(t.effect, ForceEffect) and t.effect.loaded_by_command for t in terms)
+    elastic = {t.on for t in terms if isinstance(t.effect, ElasticDrive)}
+    for index, name in enumerate(names):
+        own = [t for t in terms if t.on == name and isinstance(t.effect, ActuatorEffect)]
+        way = sorted(own, key=lambda t: t.effect.order)
+        native = 0 if name in elastic else _native_tail(body, index, way, None if loaded else step)
+        wrapped, tail = way[: len(way) - native], way[len(way) - native :]
+        if tail:
+            patch.motors.append(_motor(index, tail))
+        if wrapped:
+            patch.told["commands"][called(body.base, "actuator", index)] = [
+                {"family": t.family, "values": _numbers(t), "region": _region(t)} for t in wrapped
+            ]
+        for term in wrapped:
+            patch.went_to(term, "wrapper", _why(term))
+        for term in tail:
+            patch.went_to(term, "attribute", "", (("actuator", index),))
+
+
+def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None) -> int:
+    """How many effects at the end of a command's way MJCF can say; step None: neither limits nor delays."""
+    if not plain_drive(body.base, index):
+        return 0
+    count = 0
+    while count < len(way) and way[-1 - count].family in AFFINE and not way[-1 - count].gate.region:
+        count += 1
+    left = way[: len(way) - count]
+    if step is None or len(left) != 1 or left[0].gate.region:
+        return count
+    # MuJoCo delays as gpsim does by no less than a step, and not where its steps look at commands in between.
+    between = int(body.base.opt.integrator) == mujoco().mjtIntegrator.mjINT_RK4
+    delays = left[0].family == "actuator_delay" and left[0].values["delay"] >= step and not between
+    return count + (delays or left[0].family == "actuator_saturation")
+
+
+def _motor(index: int, tail: Sequence[Term]) -> Motor:
+    scale, more, limit, delay = 1.0, 0.0, None, None
+    for term in tail:
+        if term.family == "actuator_gain":
+            scale, more = scale * term.values["gain"], more * term.values["gain"]
+        elif term.family == "actuator_bias":
+            more += term.values["bias"]
+        elif term.family == "actuator_saturation":
+            limit = term.values["limit"]
+        else:
+            delay = term.values["delay"]
+    return Motor(index, scale, more, limit, delay)
+
+
+def _why(term: Term) -> str:
+    if term.gate.region:
+        return "acts in a region only"
+    if term.family == "actuator_lag":
+        return "MuJoCo's own filter acts a step later"
+    if term.family == "actuator_delay":
+        return "MuJoCo delays by whole steps here, or beside nothing else"
+    if term.family in (*AFFINE, "actuator_saturation"):
+        return "something else that MJCF cannot say acts after it, or with it"
+    return "MJCF has no attribute for it"
+
+
+def samples(delay: float, step: float) -> int:
+    """How many commands MuJoCo must remember for a delay [s]: too few shorten it silently."""
+    return math.ceil(delay / step) + 3
+
+
+def _place(i: int, term: Term, patch: Patch) -> None:
+    effect, plan, told, region = term.effect, patch.plan, patch.told, _region(term)
+    names = plan.body.names
     if isinstance(effect, (BristleEffect, ElasticDrive)):
         joint, strength = plan.body.coupled.get(term.on, (term.on, 1.0))
         law = {"joint": joint, "strength": strength, "values": {**effect.takes, **_numbers(term)}}
-        told["yields"].append(
-            {**law, "motor": actuator_name(plan.body, term.on)} if joint != term.on else law
-        )
-        patch.went.append(Went(term, "wrapper", "MJCF has nothing that yields and remembers how far"))
-        return
-    if isinstance(effect, SensorEffect):
-        elements = _elements(plan.body, _moved(plan, i, values)) if i in plan.lasting else ()
+        if joint != term.on:
+            law["motor"] = called(plan.body.base, "actuator", names.action.index(term.on))
+        told["yields"].append(law)
+        patch.went_to(term, "wrapper", "MJCF has nothing that yields and remembers how far")
+    elif isinstance(effect, SensorEffect):
         if term.family not in READINGS:
-            patch.went.append(Went(term, "left out", "the wrapper does not know this sensor"))
+            patch.went_to(term, "left out", "the wrapper does not know this sensor")
             return
+        elements = _elements(plan.body, _moved(patch, i)) if i in plan.lasting else ()
         told["sensors"].append({"family": term.family, "channel": term.on, "values": _numbers(term)})
         where: Where = "attribute and wrapper" if elements else "wrapper"
-        patch.went.append(Went(term, where, "MJCF's sensors have no such fault", elements))
+        patch.went_to(term, where, "MJCF's sensors have no such fault", elements)
     elif i in plan.lasting and not _is_force(term, plan.body):
-        patch.went.append(Went(term, "attribute", "", _elements(plan.body, _moved(plan, i, values))))
-    elif (
-        isinstance(effect, ForceEffect)
-        and effect.dry
-        and term.family in GRIPS
-        and term.variant in ("", "friction", RISE)
-    ):
-        told["laws"].append(
-            {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}
-        )
+        patch.went_to(term, "attribute", "", _elements(plan.body, _moved(patch, i)))
+    elif isinstance(effect, ForceEffect) and effect.dry and _gripping(term):
+        law = {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}
+        told["laws"].append(law)
         why = "acts in a region only" if region else "MJCF's friction does not depend on speed, place or load"
-        patch.went.append(Went(term, "wrapper", why))
+        patch.went_to(term, "wrapper", why)
     elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
         told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})
-        patch.went.append(Went(term, "wrapper", "MJCF has no force of such a form"))
-    elif term.family in DRAGS and term.on in (axes := axes_of(plan.body.names, plan.body.names.state)):
+        patch.went_to(term, "wrapper", "MJCF has no force of such a form")
+    elif term.family in DRAGS and term.on in (axes := axes_of(names, names.state)):
         axis = axes[term.on]
-        orientation, dof = plan.body.names.positions[axis.orientation[0]], axis.dofs[0]
+        orientation, dof = names.positions[axis.orientation[0]], axis.dofs[0]
         size = {"damping": 0.0, "drag": 0.0, **_numbers(term)}
         told["drags"].append({"dof": dof, "orientation": orientation, "axis": axis.axis, **size})
-        patch.went.append(Went(term, "wrapper", "MJCF has no drag along an axis of its own body"))
+        patch.went_to(term, "wrapper", "MJCF has no drag along an axis of its own body")
     elif plan.acts_on_state(i) or effect.site == "rate":
-        patch.went.append(Went(term, "left out", "neither MJCF nor the wrapper knows this law"))
+        patch.went_to(term, "left out", "neither MJCF nor the wrapper knows this law")
     else:
-        told["changes"] += [{**change, "region": region} for change in _moved(plan, i, values)]
+        told["changes"] += [{**change, "region": region} for change in _moved(patch, i)]
         why = "acts in a region only" if region else "MJCF has no constant force on a joint"
-        patch.went.append(Went(term, "wrapper", why))
+        patch.went_to(term, "wrapper", why)
+
+
+def _gripping(term: Term) -> bool:
+    return term.family in GRIPS and term.variant in ("", "friction", RISE)
 
 
 def _is_force(term: Term, body: Body) -> bool:
@@ -167,21 +253,20 @@ def _is_force(term: Term, body: Body) -> bool:
     return native is not None and FORCE in native.fields
 
 
-def _moved(plan: Plan, i: int, values: list[dict[str, FloatArray]]) -> list[dict[str, Any]]:
+def _moved(patch: Patch, i: int) -> list[dict[str, Any]]:
     """Which fields a term changes, element by element, and by how much: it is added while the term acts."""
-    made = []
-    for acts in (False, True):
-        fields = Fields(plan.body, 1, np.array([plan.body.own_step]), {})
+    plan, made = patch.plan, []
+    others = [k for k in plan.lasting if k != i]
+    for which in (others, [*others, i]):
+        fields = Fields(plan.body, 1, np.array([plan.body.own_step]))
         plan.believed(fields)
-        others = [k for k in plan.lasting if k != i]
-        plan.write([*others, i] if acts else others, fields, values, {})
+        plan.write(which, fields, patch.values, {})
         made.append(fields)
     without, within = made
     changes = []
     for name in list(within):
         change = within[name][0] - without[name][0]
-        for index in np.argwhere(change):
-            at = tuple(int(k) for k in index)
+        for at in (tuple(index.tolist()) for index in np.argwhere(change)):
             changes.append({"field": name, "index": list(at), "add": float(change[at])})
     return changes
 
@@ -197,13 +282,10 @@ def _elements(body: Body, changes: list[dict[str, Any]]) -> tuple[tuple[str, int
             found.append(("joint", int(model.dof_jntid[place])))
         elif kind in ("jnt", "qpos"):
             found.append(("joint", place if kind == "jnt" else of_position[place]))
+        elif kind == "opt.gravity":
+            found.append(("option", 0))
         else:
-            found.append(
-                (
-                    kind if kind in ("body", "geom", "actuator") else "option",
-                    0 if kind == "opt.gravity" else place,
-                )
-            )
+            found.append((kind if kind in ("body", "geom", "actuator") else "option", place))
     return tuple(dict.fromkeys(found))
 
 
@@ -211,8 +293,8 @@ def _numbers(term: Term) -> dict[str, float]:
     return {name: float(value) for name, value in term.values.items()}
 
 
-def _order(family: str) -> int:
-    return effect_of(family).order
+def _region(term: Term) -> dict[str, list[float]]:
+    return {name: [float(low), float(high)] for name, (low, high) in term.gate.region.items()}
 
 
 def _channels(simulator: MjcfSimulator, told: Mapping[str, Any]) -> dict[str, list[Any]]:

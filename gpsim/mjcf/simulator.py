@@ -12,21 +12,17 @@ import numpy as np
 from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
-from gpsim.mjcf.activation import KEY
-from gpsim.mjcf.afloat import axes_of
+from gpsim.mjcf.actuators import KEY, given
 from gpsim.mjcf.batches import Pool, parts
-from gpsim.mjcf.body import Body, body_of
+from gpsim.mjcf.body import Body, body_of, places_of
 from gpsim.mjcf.geometry import Moved
-from gpsim.mjcf.layout import Layout, turned_by
+from gpsim.mjcf.layout import Layout, comes_near, dense, meetings, penetration, pressed, turned_by
 from gpsim.mjcf.loading import Loaded, load
-from gpsim.mjcf.looking import comes_near, dense, meetings, minus, penetration, plus, pressed
-from gpsim.mjcf.motors import given
-from gpsim.mjcf.naming import POSE, TWIST
-from gpsim.mjcf.native import FORCE, Fields
-from gpsim.mjcf.places import places_of
-from gpsim.mjcf.rolling import Rolling
-from gpsim.mjcf.stepping import Plan
-from gpsim.mjcf.surfaces import touched
+from gpsim.mjcf.naming import POSE, TWIST, axes_of
+from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.parameters import touched
+from gpsim.mjcf.plan import FORCE, Fields, Plan
+from gpsim.mjcf.rolling import Asked, Rolling
 from gpsim.recordings import evenly
 from gpsim.simulators import Integrator, Memory, Parameters, Simulator
 
@@ -46,7 +42,9 @@ class MjcfSimulator(Simulator):
 
     fixed: states that a recording does not show, at these values; held: joints among them that something holds still;
     exact: by a scheme of higher order than the model's; contacts: whether bodies touch; geometry: by what the model's
-    is off.
+    is off. body: the model, its names and its knobs; believed: the compiled model as its files say, which is nobody's
+    to change; layout: where its channels lie in the model's positions and velocities; control_step: [s], of the
+    environment that the model came from, None of a file; rest_state: (S,), the model's own reference, standing still.
     """
 
     name: ClassVar[str]
@@ -62,57 +60,41 @@ class MjcfSimulator(Simulator):
         contacts: bool = True,
         geometry: tuple[Moved, ...] = (),
     ) -> None:
-        self._exact, self._contacts, self._geometry = exact, contacts, geometry
+        self._exact, self._contacts, self.geometry = exact, contacts, geometry
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
-        self._body = _body(
-            loaded.source.reference, loaded.source.digest, self._held, exact, contacts, geometry
-        )
-        names = self._body.names
+        source, self.believed, self.control_step = loaded.source, loaded.model, loaded.control_step
+        self.body = _body(source.reference, source.digest, self._held, exact, contacts, geometry)
+        names = self.body.names
         every = state or names.state
         self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]
-        self.name = loaded.source.reference  # type: ignore[misc]
-        self.action = names.action  # type: ignore[misc]
-        self.rate = names.rate  # type: ignore[misc]
-        self.parameters = dict(self._body.parameters)  # type: ignore[misc]
+        self.name = source.reference  # type: ignore[misc]
+        self.action, self.rate = names.action, names.rate  # type: ignore[misc]
+        self.parameters = dict(self.body.parameters)  # type: ignore[misc]
         own = [i for i, c in enumerate(names.coordinates) if not {c.name, c.velocity} & set(self._fixed)]
         self.coordinates = tuple(names.coordinates[i] for i in own)  # type: ignore[misc]
-        self.own_step = self._body.own_step
+        self.own_step = self.body.own_step
         self.as_measured = tuple(n for n in self.state.names if n.rpartition(".")[0] in names.free)
         self.settled = tuple(f"{joint}.{POSE[3]}" for joint in names.free)
         self._dofs = [names.dofs[i] for i in own]
-        self.model_places = places_of(self._body, [self.state.names, [c.name for c in self.coordinates]])
-        self._layout = Layout.of(self._body, self.state, self._fixed)
+        self.model_places = places_of(self.body, [self.state.names, [c.name for c in self.coordinates]])
+        self.layout = Layout.of(self.body, self.state, self._fixed)
+        self.rest_state = self.layout.state(self.layout.qpos, self.layout.qvel)
         columns = {
             c.name: (self.state.index(c.name), self.state.index(c.velocity), dof)
             for c, dof in zip(self.coordinates, self._dofs, strict=True)
         }
         self._axes = axes_of(names, self.state)
-        self._rolling = Rolling(self._body, self._layout, self.state + self.action, columns, self._axes)
+        self._rolling = Rolling(self.body, self.layout, self.state + self.action, columns, self._axes)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
-        how = (self._fixed, self._held, self._exact, self._contacts, self._geometry)
+        how = (self._fixed, self._held, self._exact, self._contacts, self.geometry)
         return _again, (source.reference, source.digest, self.state, *how)
 
     @property
     def own_grid(self) -> bool:
         """Whether it steps as the model says, not by a method of higher order."""
         return not self._exact
-
-    @property
-    def geometry(self) -> tuple[Moved, ...]:
-        """By what the model's geometry is off."""
-        return self._geometry
-
-    @property
-    def believed(self) -> Any:
-        """The compiled model as its files say, which is nobody's to change."""
-        return self._loaded.model
-
-    @property
-    def body(self) -> Body:
-        """The model, its names and its knobs."""
-        return self._body
 
     @property
     def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
@@ -130,7 +112,7 @@ class MjcfSimulator(Simulator):
     @property
     def drives(self) -> Mapping[str, str]:
         """Of every actuator on a joint which one it drives."""
-        return self._body.names.drives
+        return self.body.names.drives
 
     def driven(self) -> dict[str, str]:
         """None: what its drives give is within its step."""
@@ -139,25 +121,25 @@ class MjcfSimulator(Simulator):
     def coupled(self) -> dict[str, tuple[str, float]]:
         """See `Simulator.coupled`: motors, no servos."""
         known = {c.name for c in self.coordinates}
-        return {action: drive for action, drive in self._body.coupled.items() if drive[0] in known}
+        return {action: drive for action, drive in self.body.coupled.items() if drive[0] in known}
 
     @property
     def served(self) -> tuple[str, ...]:
         """Joints whose motors' forces follow from commands and the joint alone."""
-        return tuple(self._body.motors)
+        return tuple(self.body.motors)
 
     def given(self, state: FloatArray, action: FloatArray, parameters: Parameters) -> dict[str, FloatArray]:
         """Coordinate -> (B,): what its motors give; gains and stiffness as the model has them."""
         index, out = self.state.index, {}
         velocities = {c.name: c.velocity for c in self.coordinates}
-        for on, motors in self._body.motors.items():
+        for on, motors in self.body.motors.items():
             where, speed = state[:, index(on)], state[:, index(velocities[on])]
-            out[on] = given(self._body.model, motors, action, where, speed, {})
+            out[on] = given(self.body.model, motors, action, where, speed, {})
         return out
 
     def rest(self, count: int) -> Memory:
         """See `gpsim.effects.ClosedStep`: activations."""
-        acts = self._body.activations
+        acts = self.body.activations
         return {KEY: acts.rest(count)} if acts else {}
 
     def led(
@@ -169,7 +151,7 @@ class MjcfSimulator(Simulator):
         commanded: FloatArray,
     ) -> Memory:
         """See `gpsim.effects.ClosedStep`."""
-        acts, model, names = self._body.activations, self._body.model, self._body.names
+        acts, model, names = self.body.activations, self.body.model, self.body.names
         begun = np.zeros((len(first), len(acts.actuators)))
         for k in np.flatnonzero(acts.follows):
             joint = names.drives.get(names.action.names[i := acts.actuators[k]], "")
@@ -184,27 +166,12 @@ class MjcfSimulator(Simulator):
 
     def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
         """See `gpsim.effects.ClosedStep`."""
-        acts, out = self._body.activations, np.array(actions)
+        acts, out = self.body.activations, np.array(actions)
         if acts and len(actions):
             first = np.where(acts.integrates, 0.0, acts.held(actions[:1]))
             means = acts.after(actions[None], np.diff(t)[None], first)[1][0]
             out[:, acts.actuators[~acts.flows]] = means[:, ~acts.flows]
         return out
-
-    @property
-    def layout(self) -> Layout:
-        """Where its channels lie in the model's positions and velocities."""
-        return self._layout
-
-    @property
-    def rest_state(self) -> FloatArray:
-        """(S,): the model's own reference, standing still."""
-        return self._layout.state(self._layout.qpos, self._layout.qvel)
-
-    @property
-    def control_step(self) -> float | None:
-        """The control step [s] of the environment that the model came from; None of a file."""
-        return self._loaded.control_step
 
     def with_state(self, state: Channels) -> MjcfSimulator:
         """The same with channels of the same names, of which others wrap."""
@@ -224,16 +191,16 @@ class MjcfSimulator(Simulator):
 
     def exact(self) -> MjcfSimulator:
         """The same by the classical Runge-Kutta scheme, whatever the model says; currents are too fast for it."""
-        return self if self._body.activations.flows.any() else self._like(exact=True)
+        return self if self.body.activations.flows.any() else self._like(exact=True)
 
     def around(self, states: FloatArray) -> MjcfSimulator:
         """The same for motion near these states (N, S): where nothing comes near anything, nothing is looked for."""
-        near = comes_near(self._body, self._layout, states[evenly(len(states), LOOKED_AT)], NEAR)
+        near = comes_near(self.body, self.layout, states[evenly(len(states), LOOKED_AT)], NEAR)
         return self if near else self._like(contacts=False)
 
     def _like(self, **changes: Any) -> MjcfSimulator:
         own = {"state": self.state, "fixed": self._fixed, "held": self._held, "exact": self._exact}
-        own |= {"contacts": self._contacts, "geometry": self._geometry}
+        own |= {"contacts": self._contacts, "geometry": self.geometry}
         return MjcfSimulator(self._loaded, **{**own, **changes})
 
     def steps_of(self, dt: float) -> int:
@@ -242,7 +209,7 @@ class MjcfSimulator(Simulator):
 
     def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
         """(..., S): what lies between; of a free joint's orientation in the tangent space."""
-        return self._layout.gap(measured, said, difference(measured, said, self.state))
+        return self.layout.gap(measured, said, difference(measured, said, self.state))
 
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
@@ -253,18 +220,18 @@ class MjcfSimulator(Simulator):
 
     def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
         """(B, S): velocities and accelerations, a free joint's quaternion turned by its angular velocity."""
-        return self._layout.slope(state, rates)
+        return self.layout.slope(state, rates)
 
     def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
         """(B, R): velocity differences over dt."""
         change = difference(next_state, state, self.state)
-        out = np.zeros((len(state), self._body.model.nv))
-        out[:, self._layout.v_places] = change[:, self._layout.v_columns] / dt[:, None]
+        out = np.zeros((len(state), self.body.model.nv))
+        out[:, self.layout.v_places] = change[:, self.layout.v_columns] / dt[:, None]
         return out
 
     def measures(self, rate: str) -> bool:
         """Whether the states that are left say what a rate was."""
-        return self.rate.index(rate) in self._layout.v_places
+        return self.rate.index(rate) in self.layout.v_places
 
     def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray:
         """(B, R): a column of the inverse of the mass matrix."""
@@ -273,7 +240,7 @@ class MjcfSimulator(Simulator):
     def inertia(self, state: FloatArray, parameters: Parameters) -> FloatArray:
         """(B, nv, nv): the mass matrix, the motors' armature in it."""
         action = np.zeros((len(state), len(self.action)))
-        model, every = self._body.model, self._looked(state, action, parameters)
+        model, every = self.body.model, self._looked(state, action, parameters)
         return np.concatenate([dense(model, pool.simulations.bind("M")[: len(acc)]) for acc, pool in every])
 
     def lacking_force(
@@ -285,9 +252,9 @@ class MjcfSimulator(Simulator):
         terms: Sequence[Term] = (),
     ) -> FloatArray:
         """(B, C): see `gpsim.effects.ClosedStep`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
-        plan, found, begin = Plan(self._body, tuple(terms), _numbers(parameters)), [], 0
+        plan, found, begin = Plan(self.body, tuple(terms), _numbers(parameters)), [], 0
         for acc, pool in self._looked(state, action, parameters, plan=plan):
-            inertia = dense(self._body.model, pool.simulations.bind("M")[: len(acc)])
+            inertia = dense(self.body.model, pool.simulations.bind("M")[: len(acc)])
             lacks = acceleration[begin : begin + len(acc)] - acc
             found.append((inertia @ lacks[..., None])[:, self._dofs, 0])
             begin += len(acc)
@@ -311,13 +278,13 @@ class MjcfSimulator(Simulator):
     @property
     def velocities(self) -> frozenset[str]:
         """Those of its coordinates and of free joints."""
-        twists = (f"{joint}.{part}" for joint in self._body.names.free for part in TWIST)
+        twists = (f"{joint}.{part}" for joint in self.body.names.free for part in TWIST)
         return super().velocities | frozenset(twists)
 
     @property
     def unlikely(self) -> frozenset[str]:
         """Every body but the ones at free joints and the ground, and their numbers; a push along gravity."""
-        model, names = self._body.base, self._body.names
+        model, names = self.body.base, self.body.names
         free = {
             int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs
         }
@@ -332,7 +299,7 @@ class MjcfSimulator(Simulator):
         """(K,) a free joint's velocity by the slope of its place, or of its orientation, where they were recorded."""
         joint, _, part = name.rpartition(".")
         needed = [f"{joint}.{p}" for p in ((part[1:],) if part in TWIST[:3] else POSE[3:])]
-        if joint not in self._body.names.free or part not in TWIST or not set(needed) <= set(columns):
+        if joint not in self.body.names.free or part not in TWIST or not set(needed) <= set(columns):
             return None
         if part in TWIST[:3]:
             return slope(columns[needed[0]])
@@ -346,20 +313,20 @@ class MjcfSimulator(Simulator):
     @property
     def heights(self) -> tuple[int, ...]:
         """Columns of a state that lift what may stand on something."""
-        model = self._body.model
+        model = self.body.model
         up = np.asarray(model.opt.gravity) / (np.linalg.norm(model.opt.gravity) or 1.0)
         slides = [
             c.name
-            for c, joint in zip(self._body.names.coordinates, self._body.names.joints, strict=True)
+            for c, joint in zip(self.body.names.coordinates, self.body.names.joints, strict=True)
             if c.name in self.floating and abs(model.jnt_axis[joint] @ up) > UPRIGHT
         ]
-        free = [f"{joint}.{part}" for joint in self._body.names.free for part in LIFTING]
+        free = [f"{joint}.{part}" for joint in self.body.names.free for part in LIFTING]
         return tuple(self.state.index(name) for name in [*free, *slides]) if self._contacts else ()
 
     @property
     def floating(self) -> frozenset[str]:
         """Those of a body that three or more joints without a motor tie to the world, as one that moves in a plane."""
-        model, driven = self._body.model, set(self.drives.values())
+        model, driven = self.body.model, set(self.drives.values())
         free: dict[int, list[str]] = defaultdict(list)
         for coordinate, joint in zip(self.coordinates, model.dof_jntid[self._dofs], strict=True):
             body = int(model.jnt_bodyid[joint])
@@ -369,19 +336,19 @@ class MjcfSimulator(Simulator):
 
     def untouched(self, state: FloatArray) -> frozenset[str]:
         """Friction and stiffness of what nothing stands on in any of these states (B, S)."""
-        of_contacts = frozenset(s.parameter for s in self._body.surfaces)
+        of_contacts = frozenset(s.parameter for s in self.body.surfaces)
         if not of_contacts:
             return of_contacts
         meet = state[self.touching(state)]
         some = meet[evenly(len(meet), LOOKED_AT)]
-        return of_contacts - touched(self._body.surfaces, meetings(self._body, self._layout, some))
+        return of_contacts - touched(self.body.surfaces, meetings(self.body, self.layout, some))
 
     def hindered(self, state: FloatArray) -> BoolArray:
         """(B, C): which coordinates a limit of theirs pushes, or what bodies touch that they carry."""
-        model, margin = self._body.model, MARKERS if self._body.names.free else 0.0
+        model, margin = self.body.model, MARKERS if self.body.names.free else 0.0
         out = np.zeros((len(state), len(self.coordinates)), dtype=np.bool_)
         if self._contacts:
-            out = pressed(self._body, self._layout, state, margin)[:, self._dofs]
+            out = pressed(self.body, self.layout, state, margin)[:, self._dofs]
         joints = model.dof_jntid[self._dofs]
         for column, joint, coordinate in zip(out.T, joints, self.coordinates, strict=True):
             if model.jnt_limited[joint]:
@@ -393,12 +360,12 @@ class MjcfSimulator(Simulator):
     @property
     def tolerated_penetration(self) -> float:
         """How deep [m] bodies may touch in a first state: soft contacts do, joints and places are read inexactly."""
-        least = SINKS if self._body.names.free or self.floating else 0.002
-        return max(0.02 * max(self._body.lengths().values(), default=0.0), least)
+        least = SINKS if self.body.names.free or self.floating else 0.002
+        return max(0.02 * max(self.body.lengths().values(), default=0.0), least)
 
     def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
         """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
-        return penetration(self._body, self._layout, state)
+        return penetration(self.body, self.layout, state)
 
     def step(
         self,
@@ -416,19 +383,26 @@ class MjcfSimulator(Simulator):
     @property
     def positions(self) -> tuple[int, ...]:
         """State columns of places and orientations."""
-        return self._layout.q_columns
+        return self.layout.q_columns
 
     def motion(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(N, S) states and (N, R) rates along `positions` (3, N, Q) with their first two derivatives by time."""
-        return self._layout.motion(path)
+        return self.layout.motion(path)
 
     def plus(self, state: FloatArray, change: FloatArray) -> FloatArray:
         """(B, S): the state moved by a tangent vector (B, 2 nv): of positions, then of velocities."""
-        return plus(self._body, self._layout, state, change)
+        model, (qpos, qvel) = self.body.model, self.layout.full(state)
+        for q, moved in zip(qpos, change[:, : model.nv], strict=True):
+            mujoco().mj_integratePos(model, q, np.ascontiguousarray(moved), 1.0)
+        return self.layout.state(qpos, qvel + change[:, model.nv :])
 
     def minus(self, after: FloatArray, before: FloatArray) -> FloatArray:
         """(B, 2 nv): the tangent vector that leads from one state to the other."""
-        return minus(self._body, self._layout, after, before)
+        (q1, v1), (q0, v0) = self.layout.full(after), self.layout.full(before)
+        moved = np.empty_like(v1)
+        for row, one, other in zip(moved, q0, q1, strict=True):
+            mujoco().mj_differentiatePos(self.body.model, row, 1.0, one, other)
+        return np.concatenate([moved, v1 - v0], axis=1)
 
     def rolled(
         self,
@@ -443,8 +417,8 @@ class MjcfSimulator(Simulator):
         strained: Memory | None = None,
     ) -> FloatArray:
         """(B, K, S): see `gpsim.effects.ClosedStep`."""
-        plan = Plan(self._body, tuple(terms), parameters)
-        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra, strained)
+        plan = Plan(self.body, tuple(terms), parameters)
+        return self._rolling.rolled(Asked(self, plan, values, state, commands, step, t, extra), strained)
 
     def _looked(
         self,
@@ -455,24 +429,20 @@ class MjcfSimulator(Simulator):
         plan: Plan | None = None,
     ) -> Iterator[tuple[FloatArray, Pool]]:
         """Accelerations (B, R), part by part, and the batch that holds what else was found until it is asked again."""
-        plan = plan or Plan(self._body, (), {})
+        plan = plan or Plan(self.body, (), {})
         for rows in parts(len(state)):
             count = rows.stop - rows.start
-            fields = Fields(self._body, count, np.full(count, self.own_step), {})
-            self._believe(fields, parameters, rows)
+            fields = Fields(self.body, count, np.full(count, self.own_step))
+            for name, value in parameters.items():  # one number each or one a row
+                if name in self.parameters and not np.all(value == self.parameters[name].default):
+                    own = np.asarray(value, dtype=np.float64)
+                    own = np.full(count, own) if own.ndim == 0 else own[rows]
+                    self.body.knobs[name].write(fields, own)
             values = [{k: np.full(count, v) for k, v in t.values.items()} for t in plan.terms]
             plan.write(plan.lasting, fields, values, {})
             if forces is not None:
                 fields[FORCE][:, self._dofs] += forces[rows]
             yield self._rolling.forward(plan, fields, state[rows], action[rows])
-
-    def _believe(self, fields: Fields, parameters: Parameters, rows: slice) -> None:
-        """Write parameters, one number each or one a row, where they are not the model's."""
-        for name, value in parameters.items():
-            if name in self.parameters and not np.all(value == self.parameters[name].default):
-                own = np.asarray(value, dtype=np.float64)
-                own = np.full(fields.count, own) if own.ndim == 0 else own[rows]
-                self._body.knobs[name].write(fields, own)
 
 
 def _numbers(parameters: Parameters) -> dict[str, float]:
@@ -481,15 +451,8 @@ def _numbers(parameters: Parameters) -> dict[str, float]:
 
 
 @lru_cache(maxsize=8)
-def _body(
-    reference: str,
-    digest: str,
-    held: tuple[str, ...],
-    exact: bool,
-    contacts: bool,
-    geometry: tuple[Moved, ...],
-) -> Body:
-    return body_of(load(reference), held, exact=exact, contacts=contacts, geometry=geometry)
+def _body(reference: str, digest: str, *how: Any) -> Body:
+    return body_of(load(reference), *how)
 
 
 def load_mjcf(reference: str) -> MjcfSimulator:
@@ -498,18 +461,11 @@ def load_mjcf(reference: str) -> MjcfSimulator:
 
 
 def _again(
-    reference: str,
-    digest: str,
-    state: Channels,
-    fixed: Mapping[str, float],
-    held: tuple[str, ...],
-    exact: bool,
-    contacts: bool,
-    geometry: tuple[Moved, ...],
+    reference: str, digest: str, state: Channels, fixed: Mapping[str, float], *how: Any
 ) -> MjcfSimulator:
     """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
     loaded = load(reference)
     if loaded.source.digest != digest:
         raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
-    made = MjcfSimulator(loaded, None, fixed, held, exact, contacts, geometry)
+    made = MjcfSimulator(loaded, None, fixed, *how)
     return made if made.state == state else made.with_state(state)

@@ -1,12 +1,15 @@
-"""What actuators with an activation of their own have made of commands: filters, integrators, a DC motor's current.
+"""What actuators make of commands: the forces of motors and servos, and activations that filter, integrate or flow.
 
-No recording holds it. A filter forgets and an integrator does not, so that the commands before say what theirs is; a
-current follows its voltage within milliseconds, and begins where it would stay. Activations are (B, na), NaN where that
-is still to be found from the first state: a servo's begins where its joint is, the others at 0.
+A force is said in closed form, since MuJoCo says it a step later. An activation no recording holds: a filter forgets
+and an integrator does not, so that the commands before say what theirs is; a current follows its voltage within
+milliseconds, and begins where it would stay. Activations are (B, na), NaN where that is still to be found from the
+first state: a servo's begins where its joint is, the others at 0.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,10 +18,57 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.mjcf.batches import Pool
+from gpsim.mjcf.naming import Names, called
 from gpsim.mjcf.optional import mujoco, quiet
 
 KEY = "activations"
 """Under what a memory holds them."""
+
+
+def motors_on(model: Any, names: Names) -> dict[str, tuple[int, ...]]:
+    """Coordinate -> its actuators, where each one's force follows from its command and its joint alone."""
+    found: dict[str, list[int]] = defaultdict(list)
+    for i, action in enumerate(names.action.names):
+        if action in names.drives:
+            found[names.drives[action]].append(i)
+    plain = {on: tuple(own) for on, own in found.items() if all(plain_drive(model, i) for i in own)}
+    return {on: own for on, own in plain.items() if on in {c.name for c in names.coordinates}}
+
+
+def given(
+    model: Any,
+    motors: tuple[int, ...],
+    command: FloatArray,
+    position: FloatArray,
+    speed: FloatArray,
+    fields: Mapping[str, FloatArray],
+) -> FloatArray:
+    """(B,): the force at a joint of actuators under commands (B, A); fields (B, ...): where they are not the model's.
+
+    The gain times the command, and a bias by length and speed, within the actuator's range (MuJoCo, "Computation",
+    "Force generation"), within the joint's.
+    """
+    gains, biases = (fields.get(n, getattr(model, n)) for n in ("actuator_gainprm", "actuator_biasprm"))
+    total = np.zeros(len(command))
+    for i in motors:
+        gear = float(model.actuator_gear[i, 0])
+        bias = biases[..., i, :]
+        force = gains[..., i, 0] * command[:, i]
+        if int(model.actuator_biastype[i]) == mujoco().mjtBias.mjBIAS_AFFINE:
+            force = force + bias[..., 0] + gear * (bias[..., 1] * position + bias[..., 2] * speed)
+        if model.actuator_forcelimited[i]:
+            force = np.clip(force, *model.actuator_forcerange[i])
+        total += gear * force
+    joint = int(model.actuator_trnid[motors[0], 0])
+    return np.clip(total, *model.jnt_actfrcrange[joint]) if model.jnt_actfrclimited[joint] else total
+
+
+def plain_drive(model: Any, index: int) -> bool:
+    """Whether an actuator's force follows from its command and its joint alone: no activation, and no function."""
+    mj = mujoco()
+    gain, bias = int(model.actuator_gaintype[index]), int(model.actuator_biastype[index])
+    fixed = gain == mj.mjtGain.mjGAIN_FIXED and not model.actuator_actnum[index]
+    return fixed and bias in (mj.mjtBias.mjBIAS_NONE, mj.mjtBias.mjBIAS_AFFINE)
 
 
 @dataclass(frozen=True)
@@ -78,14 +128,12 @@ def activations_of(model: Any, where: str) -> Activations:
     """Those of a model; raises UsageError for what nothing tells: muscles, and more than a current of a DC motor."""
     dyn, own = mujoco().mjtDyn, [i for i in range(model.nactuator) if model.actuator_actnum[i]]
     kinds = model.actuator_dyntype[own]
-    known = {
-        int(k) for k in (dyn.mjDYN_INTEGRATOR, dyn.mjDYN_FILTER, dyn.mjDYN_FILTEREXACT, dyn.mjDYN_DCMOTOR)
-    }
+    kept = dyn.mjDYN_INTEGRATOR, dyn.mjDYN_FILTER, dyn.mjDYN_FILTEREXACT, dyn.mjDYN_DCMOTOR
     for i, kind in zip(own, kinds, strict=True):
         current = float(model.actuator_dynprm[i, 0]) > 0.0 and int(model.actuator_actnum[i]) == 1
-        if int(kind) not in known or (kind == dyn.mjDYN_DCMOTOR and not current):
+        if int(kind) not in map(int, kept) or (kind == dyn.mjDYN_DCMOTOR and not current):
             raise UsageError(
-                f"{where}: {str(model.actuator(i).name) or f'actuator{i}'} has an activation that no command before it "
+                f"{where}: {called(model, 'actuator', i)} has an activation that no command before it "
                 "tells (a muscle, a controller's integral, heat, bristles); leave that out of the model"
             )
     limited = np.asarray(model.actuator_actlimited, dtype=np.bool_)[own]

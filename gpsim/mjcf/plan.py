@@ -1,4 +1,4 @@
-"""Effects that MuJoCo has a field for: each family's writer, and which fields it needs of its own per simulation.
+"""How terms act in a model: effects that MuJoCo has a field for, each family's writer, and when each is written.
 
 What a family means is its law in gpsim.effects; here it is said in MuJoCo's terms, so that friction holds, damping is
 implicit and masses move with everything that follows from them.
@@ -6,16 +6,20 @@ implicit and masses move with everything that follows from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import Term, Values
+from gpsim.effects import BristleEffect, ElasticDrive, ForceEffect, ParameterEffect, RateEffect, Term, Values
+from gpsim.errors import UsageError
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.naming import MOTIONS
 
+PASSED_ON = ("actuator", "sensor")
+"""Sites whose effects are the chain's."""
 FORCE = "qfrc_applied"
 """No field of the model, but an input that stays: the generalised force on every degree of freedom."""
 FRICTION = ("dof_frictionloss", "dof_solref", "dof_solimp")
@@ -30,19 +34,15 @@ class Fields(Mapping[str, FloatArray]):
     body: Body
     count: int
     step: FloatArray
-    own: dict[str, FloatArray]
+    own: dict[str, FloatArray] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> FloatArray:
         if name not in self.own:
-            self.own[name] = self._begun(name)
+            model = self.body.model
+            believed = getattr(model.opt, name[4:]) if name.startswith("opt.") else None
+            believed = np.zeros(model.nv) if name == FORCE else getattr(model, name, believed)
+            self.own[name] = np.tile(np.asarray(believed, float), (self.count, *(1,) * np.ndim(believed)))
         return self.own[name]
-
-    def _begun(self, name: str) -> FloatArray:
-        model = self.body.model
-        if name == FORCE:
-            return np.zeros((self.count, model.nv))
-        believed = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
-        return np.tile(np.asarray(believed, dtype=np.float64), (self.count, *(1,) * np.ndim(believed)))
 
     def __contains__(self, name: object) -> bool:
         return name in self.own
@@ -71,16 +71,6 @@ def native_of(term: Term, body: Body) -> Native | None:
     return NATIVE.get(term.family) if term.variant == "" and not along else None
 
 
-def parameter_fields(body: Body, name: str) -> tuple[str, ...]:
-    """The fields that a parameter of the model changes."""
-    return body.knobs[name].fields
-
-
-def _joint(body: Body, joint: str) -> int:
-    names = [c.name for c in body.names.coordinates]
-    return body.names.joints[names.index(joint)]
-
-
 def add_friction(fields: Fields, dof: int, force: FloatArray) -> None:
     """More dry friction (B,) on a degree of freedom, which is to stick rather than creep."""
     loss = fields["dof_frictionloss"]
@@ -105,15 +95,12 @@ def _drag(fields: Fields, body: Body, on: str, values: Values, share: FloatArray
 
 def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
     """Beside the joint's own spring: two are one of their stiffness together, at rest between them."""
-    joint = _joint(body, on)
+    joint = body.joint(on)
     place = int(body.model.jnt_qposadr[joint])
     own, rest = fields["jnt_stiffness"][:, joint], fields["qpos_spring"][:, place]
     more = share * values["stiffness"]
-    total = own + more
-    there = np.divide(
-        own * rest + more * values["rest_position"], total, out=np.array(rest), where=total != 0.0
-    )
-    fields["qpos_spring"][:, place] = there
+    total, pull = own + more, own * rest + more * values["rest_position"]
+    fields["qpos_spring"][:, place] = np.divide(pull, total, out=np.array(rest), where=total != 0.0)
     fields["jnt_stiffness"][:, joint] = total
 
 
@@ -144,7 +131,7 @@ def _compensated(fields: Fields, body: Body, on: str, values: Values, share: Flo
 
 def _offset(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
     """A servo compares its command with what the encoder says."""
-    joint, model = _joint(body, on), body.model
+    joint, model = body.joint(on), body.model
     for i in range(model.nu):
         if int(model.actuator_trnid[i, 0]) == joint and float(model.actuator_biasprm[i, 1]) != 0.0:
             bias = fields["actuator_biasprm"]
@@ -169,10 +156,8 @@ def _payload(fields: Fields, body: Body, on: str, values: Values, share: FloatAr
 
 def _shifted(mass: FloatArray, by: FloatArray) -> FloatArray:
     """(B, 3, 3): what a mass (B,) adds to a tensor of inertia so far (B, 3) from its centre."""
-    square = (by**2).sum(axis=1)
-    return np.asarray(
-        mass[:, None, None] * (square[:, None, None] * np.eye(3) - by[:, :, None] * by[:, None, :])
-    )
+    square = (by**2).sum(axis=1)[:, None, None] * np.eye(3)
+    return np.asarray(mass[:, None, None] * (square - by[:, :, None] * by[:, None, :]))
 
 
 def rotation(quat: FloatArray) -> FloatArray:
@@ -188,19 +173,15 @@ def rotation(quat: FloatArray) -> FloatArray:
 
 def quaternion(axes: FloatArray) -> FloatArray:
     """(B, 4) unit quaternions, real part first, of rotations (B, 3, 3); Bar-Itzhack (2000), the largest eigenvector."""
-    m = axes
-    k = np.zeros((len(m), 4, 4))
-    k[:, 0, 0] = m[:, 0, 0] - m[:, 1, 1] - m[:, 2, 2]
-    k[:, 1, 1] = m[:, 1, 1] - m[:, 0, 0] - m[:, 2, 2]
-    k[:, 2, 2] = m[:, 2, 2] - m[:, 0, 0] - m[:, 1, 1]
-    k[:, 3, 3] = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
-    k[:, 1, 0] = m[:, 0, 1] + m[:, 1, 0]
-    k[:, 2, 0] = m[:, 0, 2] + m[:, 2, 0]
-    k[:, 2, 1] = m[:, 1, 2] + m[:, 2, 1]
-    k[:, 3, 0] = m[:, 2, 1] - m[:, 1, 2]
-    k[:, 3, 1] = m[:, 0, 2] - m[:, 2, 0]
-    k[:, 3, 2] = m[:, 1, 0] - m[:, 0, 1]
-    vectors = np.linalg.eigh(k)[1][:, :, -1]  # (x, y, z, w)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(axes, 0, -1)
+    none = np.zeros_like(xx)
+    rows = [
+        [xx - yy - zz, none, none, none],
+        [xy + yx, yy - xx - zz, none, none],
+        [xz + zx, yz + zy, zz - xx - yy, none],
+        [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+    ]
+    vectors = np.linalg.eigh(np.moveaxis(np.array(rows), 2, 0))[1][:, :, -1]  # (x, y, z, w)
     return np.asarray(vectors[:, [3, 0, 1, 2]])
 
 
@@ -216,3 +197,93 @@ NATIVE: Mapping[str, Native] = {
     "joint_offset": Native(("actuator_biasprm",), _offset),
     "payload": Native(("body_mass", "body_ipos", "body_inertia", "body_iquat"), _payload),
 }
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How the terms of a hypothesis act in a model, which follows from what they are and not from their values.
+
+    lasting: terms whose fields stand as long as a rollout lasts; passing: those looked at anew at every substep.
+    """
+
+    body: Body
+    terms: tuple[Term, ...]
+    parameters: Mapping[str, float]
+
+    @cached_property
+    def lasting(self) -> list[int]:
+        """Indices of terms that are written once."""
+        return [i for i, t in enumerate(self.terms) if self._written(t) and not t.gate]
+
+    @cached_property
+    def passing(self) -> list[int]:
+        """Indices of terms that are written at every substep."""
+        own = [t.effect.site not in PASSED_ON or isinstance(t.effect, ElasticDrive) for t in self.terms]
+        acts = [i for i, t in enumerate(self.terms) if own[i] or native_of(t, self.body)]
+        return [i for i in acts if i not in self.lasting]
+
+    @cached_property
+    def fields(self) -> frozenset[str]:
+        """The fields that simulations need of their own."""
+        of_terms = {f for i in (*self.lasting, *self.passing) for f in self._fields_of(self.terms[i])}
+        of_parameters = {f for name in self._other for f in self.body.knobs[name].fields}
+        return frozenset((of_terms | of_parameters) - {FORCE})
+
+    @cached_property
+    def moving_fields(self) -> tuple[str, ...]:
+        """Fields that change from substep to substep."""
+        return tuple(sorted({f for i in self.passing for f in self._fields_of(self.terms[i])} - {FORCE}))
+
+    def write(
+        self, which: Sequence[int], fields: Fields, values: Sequence[Values], shares: Mapping[int, FloatArray]
+    ) -> None:
+        """Write terms that need to know no state into the fields; shares (B,) of those behind gates."""
+        whole = np.ones(fields.count)
+        for i in which:
+            term, share = self.terms[i], shares.get(i, whole)
+            native = native_of(term, self.body)
+            if native is not None:
+                native.write(fields, self.body, term.on, values[i], share)
+            elif isinstance(term.effect, ParameterEffect):
+                for on in term.places:
+                    believed = np.full(fields.count, self.parameters[on])
+                    value = term.effect.corrected(believed, values[i])
+                    self.body.knobs[on].write(fields, share * value + (1.0 - share) * believed)
+
+    def believed(self, fields: Fields) -> None:
+        """Write what is believed of parameters where that is not what the model says."""
+        for name in self._other:
+            self.body.knobs[name].write(fields, np.full(fields.count, self.parameters[name]))
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether all that passes is written and waits for a moment only: most windows are before or after it."""
+        passing = [self.terms[i] for i in self.passing]
+        return bool(passing) and all(self._written(t) and not t.gate.region for t in passing)
+
+    def acts_on_state(self, i: int) -> bool:
+        """Whether a term's force has to be worked out from where the system is."""
+        return native_of(self.terms[i], self.body) is None and isinstance(self.terms[i].effect, ForceEffect)
+
+    @cached_property
+    def _other(self) -> list[str]:
+        """Parameters that are believed to be other than the model says."""
+        declared = self.body.parameters
+        return [n for n, v in self.parameters.items() if n in declared and v != declared[n].default]
+
+    def _written(self, term: Term) -> bool:
+        return native_of(term, self.body) is not None or isinstance(term.effect, ParameterEffect)
+
+    def _fields_of(self, term: Term) -> tuple[str, ...]:
+        native, effect = native_of(term, self.body), term.effect
+        if native is not None:
+            return native.fields
+        if isinstance(effect, ParameterEffect):
+            return tuple(field for on in term.places for field in self.body.knobs[on].fields)
+        if isinstance(effect, (BristleEffect, ElasticDrive)):
+            return (FORCE,)
+        if isinstance(effect, ForceEffect):
+            return FRICTION if effect.dry else (FORCE,)
+        if isinstance(effect, RateEffect):
+            return ()
+        raise UsageError(f"{term.family} on {term.on}: a MuJoCo model cannot take it")
