@@ -203,17 +203,11 @@ def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
                 setattr(spec.option, name, value if name == "gravity" else float(value[0]))
             continue
         element = _of_spec(spec, change)
-        if kind in MOVED:
-            _move(spec, element, attributes)
-        elif kind == "joint":
-            _to_joint(spec, element, attributes)
-        elif kind == "geom":
-            for name, value in attributes.items():
-                setattr(element, name, value)
-        elif kind == "body":
+        if kind == "body":
             _to_body(element, attributes)
-        else:
-            _to_actuator(element, attributes)
+            continue
+        for name, value in attributes.items():
+            _set(spec, element, name, value)
 
 
 def _of_spec(spec: Any, change: Change) -> Any:
@@ -223,19 +217,23 @@ def _of_spec(spec: Any, change: Change) -> Any:
     return next(e for e in (every | {"site": spec.sites})[tag] if e.id == change.index)
 
 
-def _move(spec: Any, element: Any, attributes: Mapping[str, Value]) -> None:
-    if "ref" in attributes:
-        element.ref = _angle(spec, element, np.asarray(attributes["ref"], dtype=np.float64))
-    if "pos" in attributes:
-        element.pos = attributes["pos"]
-    if "quat" in attributes:
-        element.alt.type, element.quat = mujoco().mjtOrientation.mjORIENTATION_QUAT, attributes["quat"]
-
-
-def _angle(spec: Any, joint: Any, value: FloatArray) -> float:
-    """A position (1,) of a joint, which a spec may count in degrees."""
-    degrees = spec.compiler.degree and joint.type == mujoco().mjtJoint.mjJNT_HINGE
-    return float(np.rad2deg(value[0]) if degrees else value[0])
+def _set(spec: Any, element: Any, name: str, value: Value) -> None:
+    """Write an attribute of an element as MjSpec wants it."""
+    mj, length = mujoco(), len(np.atleast_1d(getattr(element, SPELT.get(name, name))))
+    if isinstance(value, str):
+        words = {"affine": mj.mjtBias.mjBIAS_AFFINE, "true": mj.mjtLimited.mjLIMITED_TRUE, "linear": 1}
+        setattr(element, name, words[value] if value in words else int(value))
+    elif name in ("ref", "springref"):
+        degrees = spec.compiler.degree and element.type == mj.mjtJoint.mjJNT_HINGE
+        setattr(element, name, float(np.rad2deg(value[0]) if degrees else value[0]))
+    elif name in ("damping", "stiffness", "gainprm", "biasprm"):
+        setattr(element, name, np.pad(value, (0, length - len(value))))
+    elif length == 1:
+        setattr(element, name, float(value[0]))
+    else:
+        setattr(element, SPELT.get(name, name), value)
+        if name == "quat":
+            element.alt.type = mj.mjtOrientation.mjORIENTATION_QUAT
 
 
 def _release_inertia(spec: Any, body: Body) -> None:
@@ -254,40 +252,11 @@ def _release_inertia(spec: Any, body: Body) -> None:
         spec.compiler.inertiafromgeom = kinds.mjINERTIAFROMGEOM_AUTO
 
 
-def _to_joint(spec: Any, joint: Any, attributes: Mapping[str, Value]) -> None:
-    for name, value in attributes.items():
-        numbers = np.asarray(value, dtype=np.float64)
-        if name in ("damping", "stiffness"):
-            setattr(joint, name, np.pad(numbers, (0, 3 - len(numbers))))
-        elif name in SPELT:
-            setattr(joint, SPELT[name], numbers)
-        elif name == "springref":
-            joint.springref = _angle(spec, joint, numbers)
-        else:
-            setattr(joint, name, float(numbers[0]))
-
-
 def _to_body(body: Any, attributes: Mapping[str, Value]) -> None:
     body.explicitinertial = True
     body.fullinertia = [np.nan, 0, 0, 0, 0, 0]
     body.mass = float(attributes["mass"][0])
     body.ipos, body.iquat, body.inertia = (attributes[n] for n in ("pos", "quat", "diaginertia"))
-
-
-def _to_actuator(actuator: Any, attributes: Mapping[str, Value]) -> None:
-    mj = mujoco()
-    for name, value in attributes.items():
-        if name in ("gainprm", "biasprm"):
-            setattr(actuator, name, np.pad(np.asarray(value), (0, len(getattr(actuator, name)) - len(value))))
-        elif name == "ctrlrange":
-            actuator.ctrlrange, actuator.ctrllimited = value, mj.mjtLimited.mjLIMITED_TRUE
-        elif name == "forcerange":
-            actuator.forcerange = value
-        elif name == "biastype":
-            actuator.biastype = mj.mjtBias.mjBIAS_AFFINE
-        elif name == "delay":
-            actuator.delay = float(value[0])
-            actuator.nsample, actuator.interp = int(str(attributes["nsample"])), 1
 
 
 def written(text: str, spec: Any, changes: Sequence[Change], assets: Mapping[str, str]) -> str:
@@ -307,16 +276,12 @@ def written(text: str, spec: Any, changes: Sequence[Change], assets: Mapping[str
             target = next(child for child in element if child.tag == "inertial")
             target.attrib.pop("fullinertia", None)
         for name, value in change.attributes.items():
-            digits = (
-                value
-                if isinstance(value, str)
-                else " ".join(f"{v:.15g}" for v in np.ravel(value).astype(float))
-            )
-            target.set(name, digits)
-        parent = parents.get(target if target in parents else element)
-        for line in change.comments if parent is not None else ():
-            at = list(parent).index(target if target in parents else element)
-            parent.insert(at, ElementTree.Comment(f" {_DASHES.sub('- ', line)} "))
+            digits = [value] if isinstance(value, str) else [f"{v:.15g}" for v in np.ravel(value)]
+            target.set(name, " ".join(digits))
+        told = target if target in parents else element
+        for line in change.comments if told in parents else ():
+            comment = ElementTree.Comment(f" {_DASHES.sub('- ', line)} ")
+            parents[told].insert(list(parents[told]).index(told), comment)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 

@@ -6,8 +6,9 @@ import ast
 import difflib
 import inspect
 import pprint
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,8 +24,7 @@ from gpsim.mjcf.loading import asset_places, spec_of
 from gpsim.mjcf.naming import called, names_of
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.patching import Correction, Patch, patch_of
-from gpsim.mjcf.simulator import MjcfSimulator
-from gpsim.mjcf.urdf_out import urdf_of
+from gpsim.mjcf.urdf import urdf_of
 
 SCHEMA = "gpsim.patch/1"
 YIELDING = (bent, turned)
@@ -80,9 +80,17 @@ def export_model(
     effects = _account(patch, changes, said, correction)
     changes = [*moved_changes(correction.simulator, moved), *changes]
     apply(spec, body, changes)
-    wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
+    wanted = _made(spec.compile, f"{name}: does not compile with what was found")
+    text = written(spec.to_xml(), spec, changes, assets)
     check_moved(wanted, correction.simulator)
-    found = _read_back(text, out)
+    temporary = out.with_name(f".{out.name}")
+    try:  # as whoever opens the file gets it, meshes looked for from where it will lie
+        with disk_errors(out, "--out"):
+            temporary.write_text(text, encoding="utf-8")
+        read = partial(mujoco().MjModel.from_xml_path, str(temporary))
+        found = _made(read, f"{out}: MuJoCo does not read back what it wrote", 200)
+    finally:
+        temporary.unlink(missing_ok=True)
     if names_of(found, out.name).state.names != body.names.state.names:
         raise UsageError(f"{name}: its joints come back in another order; name them all in the model")
     difference = largest_difference(wanted, found)
@@ -167,7 +175,8 @@ def _account(
     patch: Patch, changes: Sequence[Change], said: Said, correction: Correction
 ) -> list[dict[str, Any]]:
     """Where each effect went, in the order of the diagnosis; its sentence goes into the comments of what it changes."""
-    effects = []
+    body, effects = correction.simulator.body, []
+    geoms = {s.geom: s.name for s in body.surfaces}
     order = {(t.family, t.on): i for i, t in enumerate(correction.terms)}
     for went in sorted(patch.went, key=lambda w: order[w.term.identity]):
         sentence = said.get(went.term.identity, f"{went.term.family} on {went.term.on}")
@@ -176,50 +185,21 @@ def _account(
             if (change.kind, change.index) not in went.elements:
                 continue
             change.comments.append(sentence)
-            called = _called(correction.simulator, change)
+            own = geoms.get(change.index) if change.kind == "geom" else None
+            name = own or called(body.base, change.kind, change.index) if change.kind != "option" else ""
             moved = [name for name in change.attributes if name not in change.kept]
-            attributes.append(f"{called}: {', '.join(moved)}")
+            attributes.append(f"{change.kind} {name}".strip() + f": {', '.join(moved)}")
         made = {"family": went.term.family, "on": went.term.on, "said": sentence, "where": went.where}
         effects.append({**made, "attributes": attributes, "why": went.why})
     return effects
 
 
-def _called(simulator: MjcfSimulator, change: Change) -> str:
-    """An element by its name in what is written."""
-    if change.kind == "option":
-        return "option"
-    own = {s.geom: s.name for s in simulator.body.surfaces} if change.kind == "geom" else {}
-    name = own.get(change.index) or called(simulator.body.base, change.kind, change.index)
-    return f"{change.kind} {name}"
-
-
 @quiet()
-def _compiled(spec: Any, name: str) -> Any:
+def _made(by: Callable[[], Any], fault: str, most: int | None = None) -> Any:
+    """What MuJoCo makes; its faults are said in the user's words, and in its own up to so many characters."""
     try:
-        return spec.compile()
+        return by()
     except Terminated:
         raise
     except Exception as error:
-        raise UsageError(
-            f"{name}: does not compile with what was found: {' '.join(str(error).split())}"
-        ) from error
-
-
-@quiet()
-def _read_back(text: str, out: Path) -> Any:
-    """The model as whoever opens the file gets it, meshes looked for from where it will lie."""
-    mj = mujoco()
-    temporary = out.with_name(f".{out.name}")
-    try:
-        with disk_errors(out, "--out"):
-            temporary.write_text(text, encoding="utf-8")
-        model = mj.MjModel.from_xml_path(str(temporary))
-    except (Terminated, UsageError):
-        raise
-    except Exception as error:
-        raise UsageError(
-            f"{out}: MuJoCo does not read back what it wrote: {' '.join(str(error).split())[:200]}"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-    return model
+        raise UsageError(f"{fault}: {' '.join(str(error).split())[:most]}") from error

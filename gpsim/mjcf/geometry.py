@@ -81,25 +81,20 @@ def places_of(
 def _of_the_chains(model: Any, names: Names, targets: Sequence[Target]) -> Iterator[Place]:
     """Zeros first, then places, then turns, from the base on."""
     on_way = sorted({b for t in targets for b in ancestors(model, t.body)})
-    called = {j: c.name for j, c in zip(names.joints, names.coordinates, strict=True)}
-    joints = [j for j in sorted(called) if int(model.jnt_bodyid[j]) in on_way]
-    for j in joints:
-        yield Place("joint zero", called[j], "", names.state.units[called[j]])
+    every = dict(zip(names.joints, (c.name for c in names.coordinates), strict=True))
+    called = {j: name for j, name in sorted(every.items()) if int(model.jnt_bodyid[j]) in on_way}
+    yield from (Place("joint zero", name, "", names.state.units[name]) for name in called.values())
     # A link that stands on the base alone is as far off as the base: the frame says so already.
-    bodies = [b for b in on_way if any(int(model.jnt_bodyid[j]) == b for j in joints)]
+    bodies = [b for b in on_way if any(int(model.jnt_bodyid[j]) == b for j in called)]
     roots = [b for b in bodies if int(model.body_weldid[model.body_parentid[b]]) == 0]
     bodies = [b for b in bodies if b not in roots or len(roots) > 1]
-    for b in bodies:
-        yield from (Place("body place", names.bodies[b], a, "m") for a in AXES)
+    yield from (Place("body place", names.bodies[b], a, "m") for b in bodies for a in AXES)
     for b in bodies:
         # A turn about the joint's own axis is its zero.
-        along = int(np.abs(model.jnt_axis[int(model.body_jntadr[b])]).argmax())
-        hinge = int(model.jnt_type[int(model.body_jntadr[b])]) == int(mujoco().mjtJoint.mjJNT_HINGE)
-        yield from (
-            Place("body turn", names.bodies[b], a, "rad")
-            for i, a in enumerate(AXES)
-            if not (hinge and i == along)
-        )
+        first = int(model.body_jntadr[b])
+        hinge = int(model.jnt_type[first]) == int(mujoco().mjtJoint.mjJNT_HINGE)
+        own = AXES[int(np.abs(model.jnt_axis[first]).argmax())] if hinge else ""
+        yield from (Place("body turn", names.bodies[b], a, "rad") for a in AXES if a != own)
 
 
 def ancestors(model: Any, body: int) -> list[int]:

@@ -164,23 +164,6 @@ def dense(model: Any, packed: FloatArray) -> FloatArray:
     return out
 
 
-def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArray, list[str]]:
-    """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
-    model, deepest, pairs = body.base, np.zeros(len(state)), [""] * len(state)
-    for i, data in _contacts(model, layout, state):
-        for contact in data.contact[: data.ncon]:
-            if contact.dist < deepest[i]:
-                deepest[i] = contact.dist
-                pairs[i] = " and ".join(body.names.bodies[model.geom_bodyid[g]] for g in contact.geom)
-    return deepest, pairs
-
-
-def meetings(body: Body, layout: Layout, state: FloatArray) -> frozenset[frozenset[int]]:
-    """Pairs of geoms that touch in any of these states (B, S)."""
-    touching = _contacts(body.base, layout, state)
-    return frozenset(frozenset(p) for _, data in touching for p in data.contact.geom[: data.ncon].tolist())
-
-
 def pressed(body: Body, layout: Layout, state: FloatArray, margin: float) -> BoolArray:
     """(B, nv): the degrees of freedom that what touches pushes, or would if it were nearer by margin [m]."""
     model = copy.copy(body.base)
@@ -191,21 +174,13 @@ def pressed(body: Body, layout: Layout, state: FloatArray, margin: float) -> Boo
         carried[b] = carried[model.body_parentid[b]]
         carried[b, own] = bool(model.body_dofnum[b])
     out = np.zeros((len(state), model.nv), dtype=np.bool_)
-    for i, data in _contacts(model, layout, state):
+    for i, data in contacts(model, layout, state):
         one, other = model.geom_bodyid[data.contact.geom[: data.ncon]].T
         out[i] = (carried[one] ^ carried[other]).any(axis=0)
     return out
 
 
-def comes_near(body: Body, layout: Layout, state: FloatArray, margin: float) -> bool:
-    """Whether in any of these states (B, S) two bodies that may touch are nearer to each other than margin [m]."""
-    model = copy.copy(body.base)
-    model.geom_margin[:] += margin
-    model.pair_margin[:] += margin
-    return any(True for _ in _contacts(model, layout, state))
-
-
-def _contacts(model: Any, layout: Layout, state: FloatArray) -> Iterator[tuple[int, Any]]:
+def contacts(model: Any, layout: Layout, state: FloatArray) -> Iterator[tuple[int, Any]]:
     """The numbers of the states (B, S) in which something touches, with MuJoCo's data of that moment."""
     mj, data = mujoco(), mujoco().MjData(model)
     with quiet():

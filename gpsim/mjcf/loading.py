@@ -8,8 +8,7 @@ import importlib.util
 import os
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -97,7 +96,17 @@ def _loaded(reference: str, digest: str) -> Loaded:
             )
         model, step = found.model, float(found.dt)
     elif ":" in reference and reference.rpartition(":")[0].endswith(".py"):
-        model = _of_function(reference)
+        model, name = made_by(reference), reference.rpartition(":")[2]
+        try:
+            model = model.compile() if isinstance(model, mujoco().MjSpec) else model
+        except Terminated:
+            raise
+        except Exception as error:  # the compiler raises what it likes
+            raise UsageError(f"{reference}: {name}() does not compile: {one_line(error)}") from error
+        if not isinstance(model, mujoco().MjModel):
+            raise UsageError(
+                f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
+            )
     else:
         model, notes = _of_file(Path(reference), compiling=True)
     _check_model(model, reference)
@@ -144,23 +153,6 @@ def _of_file(path: Path, *, compiling: bool) -> tuple[Any, tuple[str, ...]]:
         raise compile_fault(path, error) from error
 
 
-def _of_function(reference: str) -> Any:
-    mj, name = mujoco(), reference.rpartition(":")[2]
-    model = made_by(reference)
-    if isinstance(model, mj.MjSpec):
-        try:
-            return model.compile()
-        except Terminated:
-            raise
-        except Exception as error:  # as above
-            raise UsageError(f"{reference}: {name}() does not compile: {one_line(error)}") from error
-    if not isinstance(model, mj.MjModel):
-        raise UsageError(
-            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
-        )
-    return model
-
-
 def made_by(reference: str) -> Any:
     """What the function of FILE.py:function returns; raises UsageError."""
     file, _, name = reference.rpartition(":")
@@ -200,25 +192,19 @@ def new_environment(reference: str) -> tuple[Any, int]:
     import gymnasium
 
     def made() -> tuple[Any, int]:
-        with _without_pictures():
+        # Its MuJoCo environments are imported without the package that writes their films, where that is not there.
+        lacking = importlib.util.find_spec(FILMS) is None
+        if lacking:
+            sys.modules[FILMS] = ModuleType(FILMS)
+        try:
             found = gymnasium.make(reference.removeprefix(GYM))
             return found.unwrapped, int(getattr(found.spec, "max_episode_steps", None) or ENDLESS)
+        finally:
+            if lacking:
+                del sys.modules[FILMS]
 
     supervision.calls(reference)
     return asked(made, "gymnasium", f"--simulator {reference}", failed="cannot make it:")
-
-
-@contextmanager
-def _without_pictures() -> Iterator[None]:
-    """Within it Gymnasium's MuJoCo environments are imported without the package that writes their films."""
-    if importlib.util.find_spec(FILMS) is not None:
-        yield
-        return
-    sys.modules[FILMS] = ModuleType(FILMS)
-    try:
-        yield
-    finally:
-        del sys.modules[FILMS]
 
 
 @quiet()

@@ -152,8 +152,7 @@ def _take_model(census: Census, path: Path) -> None:
     # Which of the models an <attach> means, only MuJoCo knows; they may stand behind it.
     census.made += census.attached * max(census.models.values(), default=0)
     _check_made(census, str(path))
-    census.attached = attached
-    census.models[path] = census.made - before
+    census.attached, census.models[path] = attached, census.made - before
 
 
 def _check_made(census: Census, where: str) -> None:
@@ -202,23 +201,19 @@ def _count(census: Census, path: Path, element: Element, times: int) -> None:
     for key, name in element.attributes.items():
         if not key.startswith("file") or not name:
             continue
-        inner = _model_file(census, path, name) if element.tag in ("include", "model") else None
+        inner = None
+        if element.tag in ("include", "model"):
+            for candidate in (path.parent / name, census.main.parent / name):
+                _check_ordinary(candidate, path)
+                if candidate.is_file():
+                    inner = candidate.resolve()
+                    break
         if inner is None:
             census.named.append((path, name))
         elif element.tag == "include":
             _take(census, inner, times)
         else:
             _take_model(census, inner)
-
-
-def _model_file(census: Census, path: Path, name: str) -> Path | None:
-    """The XML file that another one names; None where it is not there."""
-    for place in (path.parent, census.main.parent):
-        candidate = place / name
-        _check_ordinary(candidate, path)
-        if candidate.is_file():
-            return candidate.resolve()
-    return None
 
 
 def _check_ordinary(path: Path, by: Path) -> None:

@@ -216,9 +216,9 @@ def _pairs(model: Any) -> Iterator[tuple[int, int]]:
 
 def _told(model: Any, fixed: int, moving: int, kind: str) -> bool:
     """Whether a contact has such a number at all, and one that a ratio changes."""
-    both = [fixed, moving]
-    priority = model.geom_priority[both]
-    decide = both if priority[0] == priority[1] else [both[int(np.argmax(priority))]]
+    decide = [
+        g for g in (fixed, moving) if model.geom_priority[g] == model.geom_priority[[fixed, moving]].max()
+    ]
     if kind == SOLREF:  # negative ones are a stiffness and a damping
         return bool((model.geom_solref[decide] > 0.0).all())
     return bool(model.geom_condim[decide].max() >= RUBS and model.geom_friction[decide, 0].max() > 0.0)
@@ -227,9 +227,8 @@ def _told(model: Any, fixed: int, moving: int, kind: str) -> bool:
 def _decider(model: Any, fixed: int, moving: int, kind: str) -> int:
     """Which of two geoms has a contact's number: by priority, the rougher one, else what stands still."""
     priority, friction = model.geom_priority, model.geom_friction[:, 0]
-    if priority[fixed] != priority[moving]:
-        return fixed if priority[fixed] > priority[moving] else moving
-    return moving if kind == FRICTION and friction[moving] > friction[fixed] else fixed
+    rougher = kind == FRICTION and friction[moving] > friction[fixed]
+    return moving if (priority[moving], rougher) > (priority[fixed], False) else fixed
 
 
 def _friction(model: Any, geom: int, name: str, led: list[int]) -> tuple[Parameter, Knob]:

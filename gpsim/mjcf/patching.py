@@ -82,6 +82,19 @@ class Motor:
     limit: float | None = None
     delay: float | None = None
 
+    @classmethod
+    def of(cls, index: int, tail: Sequence[Term]) -> Motor:
+        """What effects at the end of a command's way make of its actuator."""
+        scale, more, others = 1.0, 0.0, dict[str, float]()
+        for term in tail:
+            if term.family == "actuator_gain":
+                scale, more = scale * term.values["gain"], more * term.values["gain"]
+            elif term.family == "actuator_bias":
+                more += term.values["bias"]
+            else:
+                others |= term.values
+        return cls(index, scale, more, others.get("limit"), others.get("delay"))
+
 
 @dataclass
 class Patch:
@@ -143,13 +156,18 @@ def _place_commands(patch: Patch, names: Sequence[str], step: float) -> None:
         native = 0 if name in elastic else _native_tail(body, index, way, None if loaded else step)
         wrapped, tail = way[: len(way) - native], way[len(way) - native :]
         if tail:
-            patch.motors.append(_motor(index, tail))
+            patch.motors.append(Motor.of(index, tail))
         if wrapped:
             patch.told["commands"][called(body.base, "actuator", index)] = [
                 {"family": t.family, "values": _numbers(t), "region": _region(t)} for t in wrapped
             ]
         for term in wrapped:
-            patch.went_to(term, "wrapper", _why(term))
+            why = (
+                "acts in a region only"
+                if term.gate.region
+                else WHY.get(term.family, "MJCF has no attribute for it")
+            )
+            patch.went_to(term, "wrapper", why)
         for term in tail:
             patch.went_to(term, "attribute", "", (("actuator", index),))
 
@@ -170,30 +188,14 @@ def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None
     return count + (delays or left[0].family == "actuator_saturation")
 
 
-def _motor(index: int, tail: Sequence[Term]) -> Motor:
-    scale, more, limit, delay = 1.0, 0.0, None, None
-    for term in tail:
-        if term.family == "actuator_gain":
-            scale, more = scale * term.values["gain"], more * term.values["gain"]
-        elif term.family == "actuator_bias":
-            more += term.values["bias"]
-        elif term.family == "actuator_saturation":
-            limit = term.values["limit"]
-        else:
-            delay = term.values["delay"]
-    return Motor(index, scale, more, limit, delay)
-
-
-def _why(term: Term) -> str:
-    if term.gate.region:
-        return "acts in a region only"
-    if term.family == "actuator_lag":
-        return "MuJoCo's own filter acts a step later"
-    if term.family == "actuator_delay":
-        return "MuJoCo delays by whole steps here, or beside nothing else"
-    if term.family in (*AFFINE, "actuator_saturation"):
-        return "something else that MJCF cannot say acts after it, or with it"
-    return "MJCF has no attribute for it"
+WHY = {
+    "actuator_lag": "MuJoCo's own filter acts a step later",
+    "actuator_delay": "MuJoCo delays by whole steps here, or beside nothing else",
+    **dict.fromkeys(
+        (*AFFINE, "actuator_saturation"), "something else that MJCF cannot say acts after it, or with it"
+    ),
+}
+"""Of an effect on commands why it is the wrapper's, if it acts everywhere."""
 
 
 def samples(delay: float, step: float) -> int:

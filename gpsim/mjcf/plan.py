@@ -89,8 +89,13 @@ def _viscous(fields: Fields, body: Body, on: str, values: Values, share: FloatAr
     damping[:, dof] = np.maximum(damping[:, dof] + share * values["damping"], 0.0)
 
 
-def _drag(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields["dof_dampingpoly"][:, body.names.dof(on), 0] += share * values["drag"]
+def _adding(name: str, value: str, *at: int) -> Callable[[Fields, Body, str, Values, FloatArray], None]:
+    """The writer that adds a value to a field, at a degree of freedom and what of it."""
+
+    def write(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+        fields[name][(slice(None), body.names.dof(on), *at)] += share * values[value]
+
+    return write
 
 
 def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
@@ -102,14 +107,6 @@ def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArr
     total, pull = own + more, own * rest + more * values["rest_position"]
     fields["qpos_spring"][:, place] = np.divide(pull, total, out=np.array(rest), where=total != 0.0)
     fields["jnt_stiffness"][:, joint] = total
-
-
-def _constant(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields[FORCE][:, body.names.dof(on)] += share * values["force"]
-
-
-def _armature(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-    fields["dof_armature"][:, body.names.dof(on)] += share * values["inertia"]
 
 
 def _tilt(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
@@ -125,8 +122,7 @@ def _tilt(fields: Fields, body: Body, on: str, values: Values, share: FloatArray
 
 def _compensated(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
     """What is left of gravity where every joint is held against a part of it."""
-    gravity = fields["opt.gravity"]
-    gravity *= 1.0 - (share * values["share"])[:, None]
+    fields["opt.gravity"][:] *= 1.0 - (share * values["share"])[:, None]
 
 
 def _offset(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
@@ -188,10 +184,10 @@ def quaternion(axes: FloatArray) -> FloatArray:
 NATIVE: Mapping[str, Native] = {
     "coulomb_friction": Native(FRICTION, _coulomb),
     "viscous_friction": Native(("dof_damping",), _viscous),
-    "quadratic_drag": Native(("dof_dampingpoly",), _drag),
+    "quadratic_drag": Native(("dof_dampingpoly",), _adding("dof_dampingpoly", "drag", 0)),
     "spring": Native(("jnt_stiffness", "qpos_spring"), _spring),
-    "constant_force": Native((FORCE,), _constant),
-    "armature": Native(("dof_armature",), _armature),
+    "constant_force": Native((FORCE,), _adding(FORCE, "force")),
+    "armature": Native(("dof_armature",), _adding("dof_armature", "inertia")),
     "gravity_tilt": Native(("opt.gravity",), _tilt),
     "gravity_compensation": Native(("opt.gravity",), _compensated),
     "joint_offset": Native(("actuator_biasprm",), _offset),

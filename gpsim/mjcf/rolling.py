@@ -328,12 +328,7 @@ class Yielding:
         return {key: known.get(key, none) for key, none in rest.items()}
 
     def push(
-        self,
-        pool: Pool,
-        at: Moment,
-        values: Sequence[Values],
-        bends: Memory,
-        known: Mapping[str, FloatArray],
+        self, pool: Pool, at: Moment, values: Sequence[Values], bends: Memory, known: Mapping[str, FloatArray]
     ) -> Pushed:
         """Put the mean of what reaches joints over the substep in the place of what motors give, and beside all else.
 

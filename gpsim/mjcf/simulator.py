@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -16,7 +17,7 @@ from gpsim.mjcf.actuators import KEY, given
 from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of, places_of
 from gpsim.mjcf.geometry import Moved
-from gpsim.mjcf.layout import Layout, comes_near, dense, meetings, penetration, pressed, turned_by
+from gpsim.mjcf.layout import Layout, contacts, dense, pressed, turned_by
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.naming import POSE, TWIST, axes_of
 from gpsim.mjcf.optional import mujoco
@@ -44,7 +45,8 @@ class MjcfSimulator(Simulator):
     exact: by a scheme of higher order than the model's; contacts: whether bodies touch; geometry: by what the model's
     is off. body: the model, its names and its knobs; believed: the compiled model as its files say, which is nobody's
     to change; layout: where its channels lie in the model's positions and velocities; control_step: [s], of the
-    environment that the model came from, None of a file; rest_state: (S,), the model's own reference, standing still.
+    environment that the model came from, None of a file; rest_state: (S,), the model's own reference, standing still;
+    own_grid: whether it steps as the model says, not by a method of higher order.
     """
 
     name: ClassVar[str]
@@ -60,7 +62,7 @@ class MjcfSimulator(Simulator):
         contacts: bool = True,
         geometry: tuple[Moved, ...] = (),
     ) -> None:
-        self._exact, self._contacts, self.geometry = exact, contacts, geometry
+        self.own_grid, self._contacts, self.geometry = not exact, contacts, geometry
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
         source, self.believed, self.control_step = loaded.source, loaded.model, loaded.control_step
         self.body = _body(source.reference, source.digest, self._held, exact, contacts, geometry)
@@ -88,13 +90,8 @@ class MjcfSimulator(Simulator):
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
-        how = (self._fixed, self._held, self._exact, self._contacts, self.geometry)
+        how = (self._fixed, self._held, not self.own_grid, self._contacts, self.geometry)
         return _again, (source.reference, source.digest, self.state, *how)
-
-    @property
-    def own_grid(self) -> bool:
-        """Whether it steps as the model says, not by a method of higher order."""
-        return not self._exact
 
     @property
     def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
@@ -195,11 +192,13 @@ class MjcfSimulator(Simulator):
 
     def around(self, states: FloatArray) -> MjcfSimulator:
         """The same for motion near these states (N, S): where nothing comes near anything, nothing is looked for."""
-        near = comes_near(self.body, self.layout, states[evenly(len(states), LOOKED_AT)], NEAR)
-        return self if near else self._like(contacts=False)
+        model, some = copy.copy(self.body.base), states[evenly(len(states), LOOKED_AT)]
+        model.geom_margin[:] += NEAR
+        model.pair_margin[:] += NEAR
+        return self if any(True for _ in contacts(model, self.layout, some)) else self._like(contacts=False)
 
     def _like(self, **changes: Any) -> MjcfSimulator:
-        own = {"state": self.state, "fixed": self._fixed, "held": self._held, "exact": self._exact}
+        own = {"state": self.state, "fixed": self._fixed, "held": self._held, "exact": not self.own_grid}
         own |= {"contacts": self._contacts, "geometry": self.geometry}
         return MjcfSimulator(self._loaded, **{**own, **changes})
 
@@ -252,12 +251,11 @@ class MjcfSimulator(Simulator):
         terms: Sequence[Term] = (),
     ) -> FloatArray:
         """(B, C): see `gpsim.effects.ClosedStep`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
-        plan, found, begin = Plan(self.body, tuple(terms), _numbers(parameters)), [], 0
-        for acc, pool in self._looked(state, action, parameters, plan=plan):
+        plan, found = Plan(self.body, tuple(terms), _numbers(parameters)), []
+        every = zip(parts(len(state)), self._looked(state, action, parameters, plan=plan), strict=True)
+        for rows, (acc, pool) in every:
             inertia = dense(self.body.model, pool.simulations.bind("M")[: len(acc)])
-            lacks = acceleration[begin : begin + len(acc)] - acc
-            found.append((inertia @ lacks[..., None])[:, self._dofs, 0])
-            begin += len(acc)
+            found.append((inertia @ (acceleration[rows] - acc)[..., None])[:, self._dofs, 0])
         return np.concatenate(found)
 
     def touching(self, state: FloatArray) -> BoolArray:
@@ -285,9 +283,7 @@ class MjcfSimulator(Simulator):
     def unlikely(self) -> frozenset[str]:
         """Every body but the ones at free joints and the ground, and their numbers; a push along gravity."""
         model, names = self.body.base, self.body.names
-        free = {
-            int(model.jnt_bodyid[j]) for j in range(model.njnt) if int(model.jnt_dofadr[j]) not in names.dofs
-        }
+        free = set(model.jnt_bodyid[~np.isin(model.jnt_dofadr, names.dofs)].tolist())
         others = {name for b, name in enumerate(names.bodies) if b not in free}
         falls = zip("xyz", np.abs(model.opt.gravity) > 0.0, strict=True)
         pushes = {f"{joint}.{axis}" for axis, pulled in falls if pulled for joint in names.free}
@@ -315,11 +311,8 @@ class MjcfSimulator(Simulator):
         """Columns of a state that lift what may stand on something."""
         model = self.body.model
         up = np.asarray(model.opt.gravity) / (np.linalg.norm(model.opt.gravity) or 1.0)
-        slides = [
-            c.name
-            for c, joint in zip(self.body.names.coordinates, self.body.names.joints, strict=True)
-            if c.name in self.floating and abs(model.jnt_axis[joint] @ up) > UPRIGHT
-        ]
+        axes = {name: model.jnt_axis[self.body.joint(name)] for name in self.floating}
+        slides = [c.name for c in self.coordinates if c.name in axes and abs(axes[c.name] @ up) > UPRIGHT]
         free = [f"{joint}.{part}" for joint in self.body.names.free for part in LIFTING]
         return tuple(self.state.index(name) for name in [*free, *slides]) if self._contacts else ()
 
@@ -340,8 +333,9 @@ class MjcfSimulator(Simulator):
         if not of_contacts:
             return of_contacts
         meet = state[self.touching(state)]
-        some = meet[evenly(len(meet), LOOKED_AT)]
-        return of_contacts - touched(self.body.surfaces, meetings(self.body, self.layout, some))
+        met = contacts(self.body.base, self.layout, meet[evenly(len(meet), LOOKED_AT)])
+        pairs = {frozenset(pair) for _, data in met for pair in data.contact.geom[: data.ncon].tolist()}
+        return of_contacts - touched(self.body.surfaces, pairs)
 
     def hindered(self, state: FloatArray) -> BoolArray:
         """(B, C): which coordinates a limit of theirs pushes, or what bodies touch that they carry."""
@@ -365,7 +359,13 @@ class MjcfSimulator(Simulator):
 
     def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
         """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
-        return penetration(self.body, self.layout, state)
+        model, deepest, pairs = self.body.base, np.zeros(len(state)), [""] * len(state)
+        for i, data in contacts(model, self.layout, state):
+            for contact in data.contact[: data.ncon]:
+                if contact.dist < deepest[i]:
+                    bodies = (self.body.names.bodies[model.geom_bodyid[g]] for g in contact.geom)
+                    deepest[i], pairs[i] = contact.dist, " and ".join(bodies)
+        return deepest, pairs
 
     def step(
         self,
