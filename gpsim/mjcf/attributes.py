@@ -268,7 +268,7 @@ def written(text: str, spec: Any, changes: Sequence[Change], assets: Mapping[str
     root: Any = ElementTree.fromstring(text, reading)
     for name, place in assets.items():
         root.find("compiler").set(name, place)
-    parents = {child: parent for parent in root.iter() for child in parent}
+    parents: dict[Any, Any] = {child: parent for parent in root.iter() for child in parent}
     for change in changes:
         element = _in_text(root, spec, change)
         target = element

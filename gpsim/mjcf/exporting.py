@@ -30,8 +30,6 @@ SCHEMA = "gpsim.patch/1"
 YIELDING = (bent, turned)
 """Of modules whose laws the wrapper holds where it needs them, as they are."""
 PATCH_FILE = "patch.json"
-SAME = 1e-4
-"""Of a field: a model that comes back from its file further off is not the one that was written."""
 FIELDS = (
     "qpos0", "qpos_spring", "body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "site_pos", "site_quat",
     "jnt_axis", "jnt_pos", "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly",

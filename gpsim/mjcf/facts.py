@@ -126,8 +126,8 @@ def _confusable(simulator: MjcfSimulator, rng: np.random.Generator) -> tuple[tup
         changes[f"gain of {action_name}"] = simulator.rates(state, stronger, believed) - base
     for i, coordinate in enumerate(simulator.coordinates):
         speed = state[:, simulator.state.index(coordinate.velocity)]
-        laws = {"viscous friction": -speed, "Coulomb friction": -np.sign(speed), "constant force": 1.0}
-        for law, force in laws.items():
+        laws = {"viscous friction": -speed, "Coulomb friction": -np.sign(speed)}
+        for law, force in (laws | {"constant force": np.ones(PLACES)}).items():
             forces = np.zeros((PLACES, len(simulator.coordinates)))
             forces[:, i] = NUDGE * force
             changes[f"{law} on {coordinate.name}"] = simulator.rates(state, action, believed, forces) - base

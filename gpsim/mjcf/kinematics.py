@@ -35,8 +35,9 @@ class Poses:
 
 @dataclass(frozen=True)
 class _Passed:
-    """What one pass over all samples found: of bodies, joints and targets, in the model's world."""
+    """The model as it is moved, and what a pass over all samples found of bodies, joints and targets, in its world."""
 
+    model: Any
     xpos: FloatArray
     xmat: FloatArray
     anchor: FloatArray
@@ -72,19 +73,18 @@ class Kinematics:
 
     def poses(self, qpos: FloatArray, values: FloatArray) -> Poses:
         """Of positions (N, nq), what the encoders say, and a value (P,) of every place."""
-        passed, turn = self._passed(self._moved(values), qpos, values), rotation_of(values[:3])
+        passed, turn = self._passed(qpos, values), rotation_of(values[:3])
         away = values[3:6] + self.pivot
         return Poses((passed.points - self.pivot) @ turn.T + away, turn @ passed.axes)
 
     def slopes(self, qpos: FloatArray, values: FloatArray) -> Poses:
         """The same places' slopes, exact at these values."""
-        model, turn = self._moved(values), rotation_of(values[:3])
-        passed = self._passed(model, qpos, values)
+        passed, turn = self._passed(qpos, values), rotation_of(values[:3])
         shape = (*passed.points.shape, len(self.places))
         points, axes = np.zeros(shape), np.zeros(shape)
         for i, place in enumerate(self.places):
             for k in range(len(self.targets)):
-                found = self._slope(model, place, k, passed, values)
+                found = self._slope(place, k, passed, values)
                 if found is not None:
                     points[:, k, :, i], axes[:, k, :, i] = found[0] @ turn.T, found[1] @ turn.T
         swing = turn_slope(values[:3])
@@ -95,13 +95,13 @@ class Kinematics:
         return Poses(points, axes)
 
     def _slope(
-        self, model: Any, place: Place, k: int, passed: _Passed, values: FloatArray
+        self, place: Place, k: int, passed: _Passed, values: FloatArray
     ) -> tuple[FloatArray, FloatArray] | None:
         """(N, 3), (N, 3): of one target in the model's world; None where the place is not on its way."""
-        target, names, none = self.targets[k], self.body.names, np.zeros(3)
+        target, names, model, none = self.targets[k], self.body.names, passed.model, np.zeros(3)
         i = AXES.index(place.axis) if place.axis else 0
         if place.kind == "joint zero":
-            joint = names.joints[[c.name for c in names.coordinates].index(place.on)]
+            joint = self.body.joint(place.on)
             if int(model.jnt_bodyid[joint]) not in ancestors(model, target.body):
                 return None
             axis = passed.axis[:, joint]
@@ -128,13 +128,10 @@ class Kinematics:
             return none, carried @ (matrix(quat) @ turn_slope(self._own(place.kind, place.on, values)))[:, i]
         return None
 
-    def _moved(self, values: FloatArray) -> Any:
-        model, moved = copy.copy(self.body.base), zip(self.places, values, strict=True)
+    def _passed(self, qpos: FloatArray, values: FloatArray) -> _Passed:
+        mj, model, count = mujoco(), copy.copy(self.body.base), len(qpos)
+        moved = zip(self.places, values, strict=True)
         written(model, self.body.names, [Moved(place, float(value)) for place, value in moved])
-        return model
-
-    def _passed(self, model: Any, qpos: FloatArray, values: FloatArray) -> _Passed:
-        mj, count = mujoco(), len(qpos)
         data = mj.MjData(model)
         xpos, xmat = np.empty((count, model.nbody, 3)), np.empty((count, model.nbody, 9))
         anchor, axis = np.empty((count, model.njnt, 3)), np.empty((count, model.njnt, 3))
@@ -148,14 +145,16 @@ class Kinematics:
             for out, now in held:
                 out[n] = now
         of_bodies, of_sites = xmat.reshape(count, -1, 3, 3), frames.reshape(count, -1, 3, 3)
-        every = [(sites[:, t.site], of_sites[:, t.site]) if t.site >= 0 else (xpos[:, t.body], of_bodies[:, t.body])
-                 for t in self.targets]  # fmt: skip
-        points, axes = (np.stack(each, axis=1) for each in zip(*every, strict=True))
+        bodies, marks, targets = (xpos, of_bodies), (sites, of_sites), self.targets
+        points, axes = (
+            np.stack([s[:, t.site] if t.site >= 0 else b[:, t.body] for t in targets], axis=1)
+            for b, s in zip(bodies, marks, strict=True)
+        )
         for k, target in enumerate(self.targets):
             if target.site < 0:  # a marker on a body, which the model has no place for
                 points[:, k] += of_bodies[:, target.body] @ self._own("site place", target.name, values)
                 axes[:, k] = axes[:, k] @ rotation_of(self._own("site turn", target.name, values))
-        return _Passed(xpos, of_bodies, anchor, axis, points, axes)
+        return _Passed(model, xpos, of_bodies, anchor, axis, points, axes)
 
     def _own(self, kind: str, on: str, values: FloatArray) -> FloatArray:
         """(3,): the whole turn or place of which a place is one part."""

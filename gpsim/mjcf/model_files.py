@@ -23,7 +23,7 @@ from gpsim.mjcf.urdf import mesh_file, mesh_places
 
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
-REPEATS = {"replicate": ("count",), "composite": ("count",), "flexcomp": ("count",)}
+REPEATS = dict.fromkeys(("replicate", "composite", "flexcomp"), ("count",))
 """Elements that MuJoCo makes many of, and the attribute whose numbers multiply."""
 ROOM = {"texture": ("width", "height"), "hfield": ("nrow", "ncol"), "numeric": ("size",), "user": ("dim",)}
 """Elements that ask for room, and the attributes that multiply."""
@@ -58,11 +58,10 @@ class XmlError(Exception):
 
 @dataclass(frozen=True)
 class Element:
-    """An element where it begins: its tag, its attributes, the tags around it, the outermost first, and its line."""
+    """An element where it begins: its tag, its attributes and its line."""
 
     tag: str
     attributes: Mapping[str, str]
-    above: tuple[str, ...]
     line: int
     empty: bool
 
@@ -91,7 +90,7 @@ def elements(text: str) -> Iterator[Element | None]:
         elif (tag := token["name"]) is not None:
             pairs = _ATTRIBUTES.finditer(token["attributes"])
             attributes = {m[1]: html.unescape(m[2] if m[2] is not None else m[3]) for m in pairs}
-            yield Element(tag, attributes, tuple(above), line, bool(token["empty"]))
+            yield Element(tag, attributes, line, bool(token["empty"]))
             if not token["empty"]:
                 above.append(tag)
             if len(above) > DEEPEST:
@@ -156,8 +155,7 @@ def _take_model(census: Census, path: Path) -> None:
 
 
 def _check_made(census: Census, where: str) -> None:
-    limit = allowed(MODEL_ELEMENTS)
-    if census.made > limit:
+    if census.made > (limit := allowed(MODEL_ELEMENTS)):
         raise UsageError(f"{where} and what is before it make more than {limit} elements; {more()}")
 
 

@@ -83,8 +83,8 @@ def _matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     stands_in = simulator.stand_ins
     given = {}  # of every actuator the column that holds what it was given: its own, or one that stands in for it
     for name in simulator.action.names:
-        columns = (name, *stands_in.get(name, ()))
-        given[name] = next((column for column in columns if column in recording.action.names), None)
+        offered = (name, *stands_in.get(name, ()))
+        given[name] = next((column for column in offered if column in recording.action.names), None)
     _check_columns(recording, simulator, [c.name for c in wanted if c.name not in known], given)
     columns = [recording.state.index(c.name) for c in wanted]
     pairs = zip(wanted, (recording.state.items[i] for i in columns), strict=True)

@@ -39,9 +39,9 @@ class Fields(Mapping[str, FloatArray]):
     def __getitem__(self, name: str) -> FloatArray:
         if name not in self.own:
             model = self.body.model
-            believed = getattr(model.opt, name[4:]) if name.startswith("opt.") else None
-            believed = np.zeros(model.nv) if name == FORCE else getattr(model, name, believed)
-            self.own[name] = np.tile(np.asarray(believed, float), (self.count, *(1,) * np.ndim(believed)))
+            owner, called = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
+            believed = np.zeros(model.nv) if name == FORCE else np.asarray(getattr(owner, called), float)
+            self.own[name] = np.tile(believed, (self.count, *(1,) * believed.ndim))
         return self.own[name]
 
     def __contains__(self, name: object) -> bool:
@@ -93,7 +93,8 @@ def _adding(name: str, value: str, *at: int) -> Callable[[Fields, Body, str, Val
     """The writer that adds a value to a field, at a degree of freedom and what of it."""
 
     def write(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
-        fields[name][(slice(None), body.names.dof(on), *at)] += share * values[value]
+        where: tuple[slice | int, ...] = (slice(None), body.names.dof(on), *at)
+        fields[name][where] += share * values[value]
 
     return write
 

@@ -334,8 +334,8 @@ class MjcfSimulator(Simulator):
             return of_contacts
         meet = state[self.touching(state)]
         met = contacts(self.body.base, self.layout, meet[evenly(len(meet), LOOKED_AT)])
-        pairs = {frozenset(pair) for _, data in met for pair in data.contact.geom[: data.ncon].tolist()}
-        return of_contacts - touched(self.body.surfaces, pairs)
+        pairs = (frozenset(pair) for _, data in met for pair in data.contact.geom[: data.ncon].tolist())
+        return of_contacts - touched(self.body.surfaces, frozenset(pairs))
 
     def hindered(self, state: FloatArray) -> BoolArray:
         """(B, C): which coordinates a limit of theirs pushes, or what bodies touch that they carry."""

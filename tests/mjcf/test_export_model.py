@@ -170,13 +170,38 @@ def apart(one, other):
 START = np.array([0.3, 0.1, -0.2, 0.4])
 
 
-def test_the_most_that_a_servo_gives_is_an_attribute(tmp_path):
-    limited = SERVO.replace('kv="3"', 'kv="3" forcerange="-4 4"')
-    term = Term("parameter_offset", "servo.forcerange", {"ratio": 1.5})
-    plant, made = exported(tmp_path, limited, [term])
-    sent = commands(1, 1.0, DT, size=0.8)
-    assert apart(replayed(plant, START[:2], sent), native(made, START[:2], sent, plant.substeps)) < 1e-5
-    assert 'forcerange="-6 6"' in made.files["model"].read_text()
+SERVED = SERVO.replace('kv="3"', 'kv="3" forcerange="-4 4"')
+SCALED = DOUBLE.replace("<worldbody>", '<compiler settotalmass="3"/><worldbody>')
+CLASSES = DOUBLE.replace(
+    "<worldbody>",
+    '<compiler angle="degree" inertiafromgeom="true"/><default><joint damping="0.3"/></default><worldbody>',
+)
+HEAVY = Term("parameter_offset", "lower.mass", {"ratio": 1.2})
+FIRM = [
+    Term("spring", "elbow", {"stiffness": 0.4, "rest_position": 0.3}),
+    Term("viscous_friction", "elbow", {"damping": 0.28}),
+    HEAVY,
+]
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    ("text", "terms", "parameters", "attribute"),
+    [
+        (SERVED, [Term("parameter_offset", "servo.forcerange", {"ratio": 1.5})], {}, 'forcerange="-6 6"'),
+        (CLASSES, FIRM, {}, 'springref="0.3"'),
+        (DOUBLE, [Term("coulomb_friction", "elbow", {"force": 0.05})], {"upper.mass": 1.4}, 'mass="1.4"'),
+        (SCALED, [HEAVY], {}, "mass="),
+    ],
+)
+def test_limits_degrees_classes_masses_and_what_is_believed_are_written(
+    tmp_path, text, terms, parameters, attribute
+):
+    plant, made = exported(tmp_path, text, terms, parameters=parameters)
+    joints = 1 if text == SERVED else 2
+    sent, start = commands(joints, 1.0, DT, size=0.8 if joints == 1 else 1.5), START[: 2 * joints]
+    assert apart(replayed(plant, start, sent), native(made, start, sent, plant.substeps)) < 1e-5
+    assert attribute in made.files["model"].read_text()
 
 
 @pytest.mark.parametrize("which", NATIVE)
@@ -278,19 +303,6 @@ def test_what_has_no_name_gets_the_one_that_gpsim_calls_it_by(tmp_path):
     assert made.effects[0]["attributes"] == ["joint joint1: damping"]
 
 
-def test_degrees_classes_and_inertia_from_geoms(tmp_path):
-    text = DOUBLE.replace("<worldbody>", '<compiler angle="degree" inertiafromgeom="true"/><default><joint damping="0.3"/>'
-                          "</default><worldbody>")  # fmt: skip
-    terms = [
-        Term("spring", "elbow", {"stiffness": 0.4, "rest_position": 0.3}),
-        Term("viscous_friction", "elbow", {"damping": 0.28}),
-        Term("parameter_offset", "lower.mass", {"ratio": 1.2}),
-    ]
-    plant, made = exported(tmp_path, text, terms)
-    sent = commands(2, 1.0, DT)
-    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
-
-
 def test_another_control_step_takes_the_models_step_with_it(tmp_path):
     terms = [
         Term("stribeck_friction", "elbow", {"force": 0.03, "static_force": 0.06, "stribeck_velocity": 0.2})
@@ -299,13 +311,6 @@ def test_another_control_step_takes_the_models_step_with_it(tmp_path):
     assert 'timestep="0.0017"' in made.files["model"].read_text()
     sent = commands(2, 1.0, 0.0085)
     assert apart(replayed(plant, START, sent), wrapped(made, START, sent)) < 1e-4
-
-
-def test_what_a_recording_believes_of_the_model_is_written_too(tmp_path):
-    terms = [Term("coulomb_friction", "elbow", {"force": 0.05})]
-    plant, made = exported(tmp_path, DOUBLE, terms, parameters={"upper.mass": 1.4})
-    sent = commands(2, 1.0, DT)
-    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
 
 
 def test_a_free_body_with_includes_and_a_mesh_elsewhere(tmp_path):
@@ -371,15 +376,6 @@ def test_gymnasiums_own_model(tmp_path):
     made = export_model(correction, {}, {}, tmp_path / "robot_corrected.xml")
     start, sent = np.array([0.0, 0.0, 0.05, 0.0, -0.05, 0.0]), commands(1, 1.0, 0.05, size=0.1)
     assert apart(replayed(plant, start, sent), native(made, start, sent, plant.substeps)) < 1e-5
-
-
-@pytest.mark.filterwarnings("ignore")
-def test_a_model_whose_masses_are_scaled_to_a_total(tmp_path):
-    terms = [Term("parameter_offset", "lower.mass", {"ratio": 1.2})]
-    text = DOUBLE.replace("<worldbody>", '<compiler settotalmass="3"/><worldbody>')
-    plant, made = exported(tmp_path, text, terms)
-    sent = commands(2, 1.0, DT)
-    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
 
 
 @pytest.mark.parametrize(
