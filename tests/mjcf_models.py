@@ -58,16 +58,30 @@ def asked_of(
 ) -> Question:
     """The question of a chain's log; rows: positions, speeds and commands of its joints, one after the other."""
     names = [*joints, *(f"{n}_dot" for n in joints)]
-    lines = [",".join(["episode", "t", *names, *(f"motor_{n}" for n in joints)])]
-    lines += [",".join(f"{v:.7f}" for v in (0, k * dt, *row)) for k, row in enumerate(rows)]
-    (folder / "recording.csv").write_text("\n".join(lines) + "\n")
     state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": dt, "state": state}
-    meta |= {"action": {f"motor_{n}": "N m" for n in joints}, "noise": dict.fromkeys(names, noise)}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, text)
+    action, timed = {f"motor_{n}": "N m" for n in joints}, ((0, k * dt, *row) for k, row in enumerate(rows))
+    logged(folder, text, timed, dt, state, action, noise=dict.fromkeys(names, noise))
     recording, simulator = open_recording(Task(folder, None))
     return prepare(recording, simulator, simulator.defaults(), Run())
+
+
+def logged(
+    folder: Path,
+    text: str,
+    rows: Iterable[Iterable[float]],
+    dt: float,
+    state: dict[str, str],
+    action: dict[str, str],
+    **more,
+) -> Path:
+    """A folder with a model and its recording; rows: episode, t, then states and commands in their order."""
+    lines = [",".join(["episode", "t", *state, *action])]
+    lines += [",".join(f"{v:.7f}" for v in row) for row in rows]
+    (folder / "recording.csv").write_text("\n".join(lines) + "\n")
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": dt, "state": state, "action": action, **more}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    written(folder, text)
+    return folder
 
 
 def written(folder: Path, text: str, name: str = "robot.xml") -> str:

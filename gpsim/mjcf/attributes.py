@@ -17,7 +17,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.mjcf.body import Body
-from gpsim.mjcf.geometry import Moved, Place, target_of
+from gpsim.mjcf.geometry import Place, target_of
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.patching import Motor, samples
 from gpsim.mjcf.plan import Fields
@@ -144,7 +144,13 @@ def moved_changes(simulator: MjcfSimulator, said: Mapping[Place, str]) -> list[C
     """Every element that the simulator's geometry moves; said: of each place a sentence."""
     believed, changes = simulator.believed, dict[tuple[str, int], Change]()
     for moved in simulator.geometry:
-        kind, index = _moved_element(simulator, moved)
+        place, names = moved.place, simulator.body.names
+        if place.kind == "joint zero":
+            kind, index = "reference", simulator.body.joint(place.on)
+        elif place.kind.startswith("body"):
+            kind, index = "frame", names.bodies.index(place.on)
+        else:
+            kind, index = "site", target_of(believed, names, place.on).site
         if index < 0:  # a marker on a body, of which the model has no element
             continue
         if (kind, index) not in changes:
@@ -154,18 +160,9 @@ def moved_changes(simulator: MjcfSimulator, said: Mapping[Place, str]) -> list[C
                 now, was = (np.atleast_1d(getattr(m, of)[at]) for m in (simulator.body.base, believed))
                 if (now != was).any():
                     change.attributes[name] = np.array(now, dtype=np.float64)
-        sentence = said.get(moved.place) or f"{moved.place.kind} of {moved.place.on}: {moved.value:.6g}"
+        sentence = said.get(place) or f"{place.kind} of {place.on}: {moved.value:.6g}"
         changes[kind, index].comments.append(sentence)
     return list(changes.values())
-
-
-def _moved_element(simulator: MjcfSimulator, moved: Moved) -> tuple[str, int]:
-    on, body = moved.place.on, simulator.body
-    if moved.place.kind == "joint zero":
-        return "reference", body.joint(on)
-    if moved.place.kind.startswith("body"):
-        return "frame", body.names.bodies.index(on)
-    return "site", target_of(simulator.believed, body.names, on).site
 
 
 def check_moved(wanted: Any, simulator: MjcfSimulator) -> None:

@@ -65,7 +65,13 @@ class Names:
 def names_of(model: Any, where: str) -> Names:
     """The names of a compiled model; raises UsageError for what gpsim cannot diagnose."""
     mj = mujoco()
-    _check_names(model, where)
+    # Names become columns and lines of text: refuse one that breaks them, as of a log's columns.
+    bodies = tuple(called(model, "body", b) for b in range(model.nbody))
+    for index, body in enumerate(bodies):
+        check_name(body, f"{where}: body number {index}")
+    for element, count in (("joint", model.njnt), ("actuator", model.nu)):
+        for index in range(count):
+            check_channels([called(model, element, index)], f"{where}: {element} number {index}")
     state: list[tuple[Channel, int, int]] = []
     rate: list[Channel] = []
     coordinates, dofs, joints, free = [], [], [], []
@@ -117,7 +123,7 @@ def names_of(model: Any, where: str) -> Names:
         tuple(v for _, _, v in state),
         tuple(dofs),
         tuple(joints),
-        tuple(called(model, "body", b) for b in range(model.nbody)),
+        bodies,
         tuple(free),
         drives,
     )
@@ -126,15 +132,6 @@ def names_of(model: Any, where: str) -> Names:
 def called(model: Any, kind: str, index: int) -> str:
     """The name of a joint, actuator, body or other element; of one that has none its kind and number."""
     return str(getattr(model, kind)(index).name) or f"{kind}{index}"
-
-
-def _check_names(model: Any, where: str) -> None:
-    """Names become columns and lines of text: refuse one that breaks them, as of a log's columns."""
-    for index in range(model.nbody):
-        check_name(called(model, "body", index), f"{where}: body number {index}")
-    for kind, count in (("joint", model.njnt), ("actuator", model.nu)):
-        for index in range(count):
-            check_channels([called(model, kind, index)], f"{where}: {kind} number {index}")
 
 
 def servoed(model: Any, joint: int) -> bool:

@@ -93,6 +93,9 @@ def _matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     commanded = bool(len(recording.action))
     action = [recording.action.index(name) for name in given.values() if commanded and name]
     poses, seen = _poses(recording, simulator)
+    # What lies beyond its actuator's range never reached it.
+    model, nowhere = simulator.body.base, [-np.inf, np.inf]
+    low, high = np.where(model.actuator_ctrllimited[:, None] != 0, model.actuator_ctrlrange, nowhere).T
     episodes = []
     for episode, own in zip(recording.episodes, seen, strict=True):
         actions = episode.actions[:, action]
@@ -100,7 +103,7 @@ def _matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
         made = replace(
             episode,
             states=np.array(episode.states[:, columns]),
-            actions=_clamped(actions, simulator) if action else actions,
+            actions=np.clip(actions, low, high) if action else actions,
             weights=weights,
             poses=own,
         )
@@ -175,15 +178,6 @@ def _oriented(episode: Episode, state: Channels, simulator: MjcfSimulator) -> Ep
         q[1:] *= np.cumprod(np.where(turns < 0.0, -1.0, 1.0))[:, None]
         states[:, columns] = q
     return replace(episode, states=states)
-
-
-def _clamped(actions: FloatArray, simulator: MjcfSimulator) -> FloatArray:
-    """Commands (K, A) within their actuators' ranges: what lies beyond never reached them."""
-    model = simulator.body.base
-    limited = np.asarray(model.actuator_ctrllimited, dtype=np.bool_)
-    low = np.where(limited, model.actuator_ctrlrange[:, 0], -np.inf)
-    high = np.where(limited, model.actuator_ctrlrange[:, 1], np.inf)
-    return np.clip(actions, low, high)
 
 
 def _check_start(recording: Recording, simulator: MjcfSimulator) -> None:

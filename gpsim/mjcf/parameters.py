@@ -176,13 +176,6 @@ def surfaces_of(model: Any, names: Names, where: str) -> tuple[Surface, ...]:
     return tuple(found)
 
 
-def touched(surfaces: tuple[Surface, ...], pairs: frozenset[frozenset[int]]) -> frozenset[str]:
-    """The parameters of surfaces of which something touches, by pairs of geoms that do."""
-    return frozenset(
-        s.parameter for s in surfaces if any(frozenset((s.geom, other)) in pairs for other in s.others)
-    )
-
-
 def _called(model: Any, names: Names) -> dict[int, str]:
     """Every geom by its name, else by its body's where that says which, else geom0 by its number."""
     own = {g: str(model.geom(g).name) for g in range(model.ngeom)}

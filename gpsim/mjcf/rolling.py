@@ -288,12 +288,8 @@ def _gave_up(pool: Pool, count: int) -> BoolArray:
     return np.asarray(pool.simulations.warning[:count][:, which, 1].any(axis=1))
 
 
-@dataclass(frozen=True)
-class Pushed:
-    """What yields before a substep: (B, nv, nv) the inverse mass matrix, and what was commanded of drives (B,)."""
-
-    mobility: FloatArray
-    commanded: Mapping[int, FloatArray]
+Pushed = tuple[FloatArray, Mapping[int, FloatArray]]
+"""Of what yields before a substep: (B, nv, nv) the inverse mass matrix, and what was commanded of drives (B,)."""
 
 
 @dataclass(frozen=True)
@@ -359,17 +355,18 @@ class Yielding:
             _, velocity, dof = self.columns[on]
             speed, reacts = at.state[:, velocity], mobility[:, dof, dof]
             reach(dof, mean_force(bends[bend_key(i)], speed, own[:, dof], reacts, at.step, values[i]))
-        return Pushed(mobility, commanded)
+        return mobility, commanded
 
     def move_on(
         self, pushed: Pushed, at: Moment, after: FloatArray, values: Sequence[Values], bends: Memory
     ) -> None:
         """Twist drives and bend bristles on to the state (B, S) after the substep."""
+        mobility, commanded = pushed
         for i, _, strength, on in self._drives:
             _, velocity, dof = self.columns[on]
-            moved, reacts = (after - at.state)[:, velocity] / at.step, strength * pushed.mobility[:, dof, dof]
-            bend, u = bends[bend_key(i)], pushed.commanded[i]
-            bend[:] = turned(bend, u, moved, reacts, at.step, values[i])
+            moved, reacts = (after - at.state)[:, velocity] / at.step, strength * mobility[:, dof, dof]
+            bend = bends[bend_key(i)]
+            bend[:] = turned(bend, commanded[i], moved, reacts, at.step, values[i])
         for i, on in self._bristles:
             bend, speed = bends[bend_key(i)], 0.5 * (at.state + after)[:, self.columns[on][1]]
             bend[:], _ = bent(bend, speed * at.step, speed, values[i])

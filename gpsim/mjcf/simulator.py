@@ -21,7 +21,6 @@ from gpsim.mjcf.layout import Layout, contacts, dense, pressed, turned_by
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.naming import POSE, TWIST, axes_of
 from gpsim.mjcf.optional import mujoco
-from gpsim.mjcf.parameters import touched
 from gpsim.mjcf.plan import FORCE, Fields, Plan
 from gpsim.mjcf.rolling import Asked, Rolling
 from gpsim.recordings import evenly
@@ -334,8 +333,9 @@ class MjcfSimulator(Simulator):
             return of_contacts
         meet = state[self.touching(state)]
         met = contacts(self.body.base, self.layout, meet[evenly(len(meet), LOOKED_AT)])
-        pairs = (frozenset(pair) for _, data in met for pair in data.contact.geom[: data.ncon].tolist())
-        return of_contacts - touched(self.body.surfaces, frozenset(pairs))
+        pairs = {frozenset(pair) for _, data in met for pair in data.contact.geom[: data.ncon].tolist()}
+        touch = [s for s in self.body.surfaces if any(frozenset((s.geom, g)) in pairs for g in s.others)]
+        return of_contacts - {s.parameter for s in touch}
 
     def hindered(self, state: FloatArray) -> BoolArray:
         """(B, C): which coordinates a limit of theirs pushes, or what bodies touch that they carry."""

@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import written
+from mjcf_models import logged
 
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.setup import offers_of, prepare
@@ -39,25 +38,17 @@ def recorded(folder, change):
     rng, model = np.random.default_rng(7), mujoco.MjModel.from_xml_string(HOPPER)
     model.opt.timestep /= 4
     change(model)
-    data, steps, rows = (
-        mujoco.MjData(model),
-        round(DT / model.opt.timestep),
-        ["episode,t,x,z,leg,pull,thrust"],
-    )
+    data, steps, rows = mujoco.MjData(model), round(DT / model.opt.timestep), []
     for episode in range(EPISODES):
         mujoco.mj_resetData(model, data)
         data.qpos[1] = 0.02
         for k, command in enumerate(commands(rng, SAMPLES // EPISODES)):
             read = data.qpos + NOISE * rng.normal(size=3)
-            rows.append(f"{episode},{DT * k:.2f}," + ",".join(f"{v:.7f}" for v in (*read, *command)))
+            rows.append((episode, DT * k, *read, *command))
             data.ctrl[:] = command
             mujoco.mj_step(model, data, nstep=steps)
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": dict.fromkeys(("x", "z", "leg"), "m")}
-    meta |= {"action": {"pull": "N", "thrust": "m"}, "noise": dict.fromkeys(("x", "z", "leg"), NOISE)}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, HOPPER)
-    return folder
+    state, noise = (dict.fromkeys(("x", "z", "leg"), value) for value in ("m", NOISE))
+    return logged(folder, HOPPER, rows, DT, state, {"pull": "N", "thrust": "m"}, noise=noise)
 
 
 def smooth(model):

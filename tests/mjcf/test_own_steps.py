@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from gpsim.diagnosis.fitting import Hypothesis, fit, growth, numerical_error
 from gpsim.diagnosis.setup.offers import offers_of
-from gpsim.diagnosis.setup.prepare import prepare, steps_with_friction
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
@@ -122,13 +122,6 @@ def test_growth_is_that_of_a_falling_pole(made):
     later = grown[-1] / grown[-3]
     assert later == pytest.approx(np.exp(2 * 0.05 * rate), rel=0.05)
     assert grown[-1] < 10.0 * np.exp(0.05 * rate)
-
-
-def test_a_model_of_many_joints_is_not_stepped_finely(made, monkeypatch):
-    question = made(rubbed, 1e-4)
-    assert steps_with_friction(question.searched, question.recording) == {"q": 6}
-    monkeypatch.setitem(prepare.__globals__, "FEW_JOINTS", 0)
-    assert steps_with_friction(question.searched, question.recording) == {}
 
 
 NOISE = 2e-5

@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import DOUBLE, written
+from mjcf_models import DOUBLE, logged
 
 from gpsim.diagnosis import diagnose
 from gpsim.stages.diagnose import Task, open_recording
@@ -37,7 +36,7 @@ def recorded(folder, change, late=0.0, samples=1500, episodes=3):
     change(model)
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)
-    steps, rows = round(DT / model.opt.timestep), ["episode,t,shoulder,elbow,m1,m2"]
+    steps, rows = round(DT / model.opt.timestep), []
     for e in range(episodes):
         mujoco.mj_resetData(model, data)
         data.qpos[:] = 0.3 * rng.normal(size=2)
@@ -45,16 +44,12 @@ def recorded(folder, change, late=0.0, samples=1500, episodes=3):
         sent = np.vstack([np.zeros((round(late / model.opt.timestep), 2)), np.repeat(given, steps, axis=0)])
         for k, command in enumerate(given):
             q = data.qpos + NOISE * rng.normal(size=2)
-            rows.append(f"{e},{DT * k:.3f},{q[0]:.7f},{q[1]:.7f},{command[0]:.7f},{command[1]:.7f}")
+            rows.append((e, DT * k, *q, *command))
             for i in range(steps):
                 data.ctrl[:] = sent[k * steps + i]
                 mujoco.mj_step(model, data)
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": {"shoulder": "rad", "elbow": "rad"}}
-    meta |= {"action": {"m1": "N m", "m2": "N m"}, "noise": {"shoulder": NOISE, "elbow": NOISE}}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, DOUBLE)
-    return folder
+    state, noise = (dict.fromkeys(("shoulder", "elbow"), value) for value in ("rad", NOISE))
+    return logged(folder, DOUBLE, rows, DT, state, {"m1": "N m", "m2": "N m"}, noise=noise)
 
 
 def found(folder):

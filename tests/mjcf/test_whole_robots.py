@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import DOUBLE, written
+from mjcf_models import DOUBLE, logged
 
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
@@ -39,7 +38,7 @@ def _logged(folder, *, load=0.0, late=0, lost=(), held=0.0):
         model.dof_solimp[i] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
         model.dof_damping[i] += VISCOUS[i]
         model.dof_armature[i] += ROTOR[i]
-    data, rows, speeds = mujoco.MjData(model), ["episode,t,shoulder,elbow,m1,m2"], []
+    data, rows, speeds = mujoco.MjData(model), [], []
     mujoco.mj_setConst(model, data)
     for e in range(3):
         mujoco.mj_resetData(model, data)
@@ -51,14 +50,11 @@ def _logged(folder, *, load=0.0, late=0, lost=(), held=0.0):
             data.ctrl[:] = commands[max(k - late, 0)]
             q = data.qpos + NOISE * rng.normal(size=2)
             if k not in lost:
-                rows.append(f"{e},{DT * k:.3f}," + ",".join(f"{v:.7f}" for v in (*q, *commands[k])))
+                rows.append((e, DT * k, *q, *commands[k]))
             speeds.append(np.array(data.qvel))
             mujoco.mj_step(model, data, round(DT / model.opt.timestep))
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": {"shoulder": "rad", "elbow": "rad"}}
-    meta |= {"action": {"m1": "N m", "m2": "N m"}, "noise": {"shoulder": NOISE, "elbow": NOISE}}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, DOUBLE)
+    state, noise = (dict.fromkeys(("shoulder", "elbow"), value) for value in ("rad", NOISE))
+    logged(folder, DOUBLE, rows, DT, state, {"m1": "N m", "m2": "N m"}, noise=noise)
     recording, simulator = open_recording(Task(folder, None))
     return recording, simulator, np.array(speeds).reshape(3, SAMPLES, 2)
 

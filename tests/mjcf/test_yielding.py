@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import LINK, MASS, SERVO, SLIDER, written
+from mjcf_models import LINK, MASS, SERVO, SLIDER, logged, written
 from scipy.integrate import solve_ivp
 
 from gpsim.diagnosis import diagnose
@@ -113,7 +112,7 @@ def _found(folder, text, push=None):
     """What is said of three episodes of an arm, encoders alone; push(model, data): before every step of the truth."""
     rng, model = np.random.default_rng(7), mujoco.MjModel.from_xml_string(text)
     model.opt.timestep, model.opt.integrator = DT / 40, mujoco.mjtIntegrator.mjINT_RK4
-    data, rows = mujoco.MjData(model), ["episode,t,shoulder,elbow,m1,m2"]
+    data, rows = mujoco.MjData(model), []
     for e in range(3):
         mujoco.mj_resetData(model, data)
         at = 0.3 * rng.normal(size=2)
@@ -128,17 +127,14 @@ def _found(folder, text, push=None):
         made = (tones[2] * np.sin(2 * np.pi * tones[0] * t + tones[1])).sum(axis=1).T
         for k, command in enumerate(made / made.std(axis=0) * [1.2, 0.4]):
             q = np.array([data.joint(j).qpos[0] for j in ("shoulder", "elbow")]) + NOISE * rng.normal(size=2)
-            rows.append(",".join(f"{v:.7f}" for v in (e, DT * k, *q, *command)))
+            rows.append((e, DT * k, *q, *command))
             data.ctrl[:] = command
             for _ in range(40):
                 if push is not None:
                     push(model, data)
                 mujoco.mj_step(model, data)
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": {"shoulder": "rad", "elbow": "rad"}}
-    meta |= {"action": {"m1": "N m", "m2": "N m"}, "noise": {"shoulder": NOISE, "elbow": NOISE}}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(folder, BELIEVED)
+    state, noise = (dict.fromkeys(("shoulder", "elbow"), value) for value in ("rad", NOISE))
+    logged(folder, BELIEVED, rows, DT, state, {"m1": "N m", "m2": "N m"}, noise=noise)
     recording, simulator = open_recording(Task(folder, None))
     said = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0)).diagnosis
     return said.verdict, {
