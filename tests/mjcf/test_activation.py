@@ -3,8 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import LINK, written
+from mjcf_models import LINK, logged, written
 from test_export_model import exported, native, replayed, robot_of
 
 from gpsim.diagnosis import diagnose
@@ -135,18 +134,14 @@ def test_a_servo_with_a_filter_is_diagnosed(tmp_path):
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep, model.dof_frictionloss[:] = 0.0005, 0.1
     model.dof_solref[:], model.dof_solimp[:] = (-1.0, -4000.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
-    data, rows = mujoco.MjData(model), ["episode,t,j,m"]
+    data, rows = mujoco.MjData(model), []
     t = DT * np.arange(2000)
     sent = sum(0.25 * np.sin(w * t + p) for w, p in rng.uniform([0.5, 0.0], [9.0, 6.3], (6, 2)))
     for k, command in enumerate(sent):
-        rows.append(f"0,{k * DT:.3f},{data.qpos[0] + 1e-4 * rng.normal():.7f},{command:.7f}")
+        rows.append((0, k * DT, data.qpos[0] + 1e-4 * rng.normal(), command))
         data.ctrl[:] = command
         mujoco.mj_step(model, data, nstep=40)
-    (tmp_path / "recording.csv").write_text("\n".join(rows) + "\n")
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": {"j": "rad"}}
-    meta |= {"action": {"m": "rad"}, "noise": {"j": 1e-4}}
-    (tmp_path / "recording.yaml").write_text(yaml.safe_dump(meta))
-    written(tmp_path, text)
+    logged(tmp_path, text, rows, DT, {"j": "rad"}, {"m": "rad"}, noise={"j": 1e-4})
     recording, simulator = open_recording(Task(tmp_path, None))
     said = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0)).diagnosis
     found = {e.family: e.parameters for e in said.effects}

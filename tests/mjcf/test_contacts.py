@@ -35,15 +35,7 @@ def swings(angles):
 
 def recording_of(simulator, angles):
     _, episode = swings(angles)
-    return Recording(
-        system="mjcf",
-        parameters={},
-        integrator="euler",
-        dt=0.02,
-        state=simulator.state,
-        action=simulator.action,
-        episodes=(episode,),
-    )
+    return Recording("mjcf", simulator.state, simulator.action, (episode,), 0.02, {}, "euler")
 
 
 def test_what_touches_is_left_out_where_others_are_left(struck):

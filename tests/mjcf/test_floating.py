@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-import yaml
-from mjcf_models import FLOATING, written
+from mjcf_models import FLOATING, logged, written
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -113,7 +112,7 @@ def recorded(folder, poses_only=False, seed=0, **world):
     rng, dt = np.random.default_rng(seed), 0.01
     truth = {"lin": 0.0 * LIN, "quad": 0.0 * QUAD, "wind": np.zeros(3), "mass": MASS} | world
     names = [f"base.{p}" for p in (POSE if poses_only else (*POSE, *TWIST))]
-    rows = [",".join(["episode", "t", *names, *(f"t{i}" for i in range(4))])]
+    rows = []
     for episode in range(3):
         state = np.array([0.0, 0.0, 1.0, 1.0, *np.zeros(9)])
         rates, phases = rng.uniform(0.2, 0.5, 4), rng.uniform(0.0, 6.0, 4)
@@ -129,7 +128,7 @@ def recorded(folder, poses_only=False, seed=0, **world):
             torque = INERTIA * (-80.0 * (aim.inv() * turn).as_rotvec() - 14.0 * read[10:13])
             lift = MASS * push @ turn.as_matrix()[:, 2]
             thrust = np.clip(np.linalg.solve(MIX, [lift, *torque]), 0.0, 9.0)
-            rows.append(",".join(f"{v:.6f}" for v in (episode, k * dt, *read[: len(names)], *thrust)))
+            rows.append((episode, k * dt, *read[: len(names)], *thrust))
             for _ in range(4):  # Runge and Kutta's steps
                 h, args = dt / 4, (thrust, truth["lin"], truth["quad"], truth["wind"], truth["mass"])
                 k1 = newton(state, *args)
@@ -138,14 +137,9 @@ def recorded(folder, poses_only=False, seed=0, **world):
                 k4 = newton(state + h * k3, *args)
                 state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     folder.mkdir(exist_ok=True)
-    written(folder, DRONE.replace('timestep="0.001"', 'timestep="0.005"'))
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
     units = dict(zip((f"base.{p}" for p in (*POSE, *TWIST)), UNITS, strict=True))
-    meta = {"system": "mjcf", "model": "robot.xml", "dt": dt, "state": {n: units[n] for n in names}}
-    (folder / "recording.yaml").write_text(
-        yaml.safe_dump(meta | {"action": {f"t{i}": "1" for i in range(4)}})
-    )
-    return folder
+    text, thrusts = DRONE.replace('timestep="0.001"', 'timestep="0.005"'), {f"t{i}": "1" for i in range(4)}
+    return logged(folder, text, rows, dt, {n: units[n] for n in names}, thrusts)
 
 
 @pytest.mark.parametrize("poses_only", [pytest.param(False, marks=pytest.mark.slow), True])

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from mjcf_models import DOUBLE, FLOATING, PENDULUM, SERVO, written
+from mjcf_models import DOUBLE, FLOATING, PENDULUM, SERVO, logged, written
 
 from gpsim.errors import UsageError
 from gpsim.mjcf import checked, declared, files_digest, is_mujoco, load_mjcf, open_simulator, source_of
@@ -38,15 +38,8 @@ def recorded(folder, columns, meta):
     """A recording of a swing of these columns, 40 rows."""
     rows = [",".join(["episode", "t", *columns])]
     for k in range(40):
-        rows.append(
-            ",".join(
-                [
-                    "0",
-                    f"{0.02 * k:.3f}",
-                    *(f"{columns[c] * np.sin(0.1 * k + i):.6f}" for i, c in enumerate(columns)),
-                ]
-            )
-        )
+        values = [columns[c] * np.sin(0.1 * k + i) for i, c in enumerate(columns)]
+        rows.append(f"0,{0.02 * k:.3f}," + ",".join(f"{v:.6f}" for v in values))
     (folder / "recording.csv").write_text("\n".join(rows) + "\n")
     (folder / "recording.yaml").write_text(yaml.safe_dump({"system": "mjcf", "dt": 0.02, **meta}))
     return folder
@@ -252,28 +245,19 @@ def test_a_model_that_runs_away_is_told_with_its_parameter_and_step(change, said
     assert "\n" not in str(caught.value)
 
 
-FLOATING_META = {"model": "robot.xml", "action": {"motor": "N m"}}
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+PARTS = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+UNITS = ("m", "m", "m", "1", "1", "1", "1", "m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
 
 
 def floating(folder, quaternion, leave_out=()):
     """A recording whose base turns; the quaternion's sign changes half way."""
-    written(folder, FLOATING)
-    names = [f"root.{p}" for p in POSE if p not in leave_out]
-    rows = [",".join(["episode", "t", "hip", *names, "motor"])]
+    units = {f"root.{p}": u for p, u in zip(PARTS, UNITS, strict=True) if p not in leave_out}
+    rows = []
     for k in range(40):
         q = np.array(quaternion(0.05 * k)) * (-1.0 if k >= 20 else 1.0)
-        pose = dict(zip(POSE, [0.01 * k, 0.0, 1.0, *q, 0.5, 0.0, 0.0, 0.0, 2.5, 0.0], strict=True))
-        held = [pose[n.partition(".")[2]] for n in names]
-        rows.append(",".join([f"0,{0.02 * k:.3f},0.1", *(f"{v:.7f}" for v in held), "0.0"]))
-    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
-    state = {"hip": "rad"} | {f"root.{p}": u for p, u in zip(POSE, UNITS, strict=True) if p not in leave_out}
-    meta = {"system": "mjcf", "dt": 0.02, **FLOATING_META, "state": state}
-    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
-    return folder
-
-
-UNITS = ("m", "m", "m", "1", "1", "1", "1", "m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
+        pose = dict(zip(PARTS, [0.01 * k, 0.0, 1.0, *q, 0.5, 0.0, 0.0, 0.0, 2.5, 0.0], strict=True))
+        rows.append((0, 0.02 * k, 0.1, *(pose[n.partition(".")[2]] for n in units), 0.0))
+    return logged(folder, FLOATING, rows, 0.02, {"hip": "rad"} | units, {"motor": "N m"})
 
 
 def test_an_orientation_goes_the_shorter_way_round(tmp_path):

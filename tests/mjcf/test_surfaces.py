@@ -114,10 +114,7 @@ def recording_of(simulator, heights):
     states[:, 1], states[:, 3] = np.gradient(states[:, 0], 0.01), np.gradient(heights, 0.01)
     rng = np.random.default_rng(3)
     episode = Episode("0", 0.01 * np.arange(len(heights)), states, rng.normal(size=(len(heights) - 1, 2)))
-    channels = {"state": simulator.state, "action": simulator.action}
-    return Recording(
-        system="mjcf", parameters={}, integrator="euler", dt=0.01, episodes=(episode,), **channels
-    )
+    return Recording("mjcf", simulator.state, simulator.action, (episode,), 0.01, {}, "euler")
 
 
 @pytest.mark.slow
