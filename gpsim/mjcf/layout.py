@@ -126,13 +126,9 @@ class Layout:
             moves[:, q : q + 3] = qvel[:, v : v + 3]
             w, x, y, z = qpos[:, q + 3 : q + 7].T
             a, b, c = qvel[:, v + 3 : v + 6].T  # rad/s of the body's own frame
-            turns = [
-                -x * a - y * b - z * c,
-                w * a + y * c - z * b,
-                w * b + z * a - x * c,
-                w * c + x * b - y * a,
-            ]
-            moves[:, q + 3 : q + 7] = 0.5 * np.stack(turns, axis=1)
+            real, i = -x * a - y * b - z * c, w * a + y * c - z * b
+            j, k = w * b + z * a - x * c, w * c + x * b - y * a
+            moves[:, q + 3 : q + 7] = 0.5 * np.stack([real, i, j, k], axis=1)
         return self.state(moves, acceleration)
 
 
@@ -144,13 +140,9 @@ def turned_by(quat: FloatArray, slope: FloatArray) -> FloatArray:
 def _times(a: FloatArray, b: FloatArray) -> FloatArray:
     """(..., 4): Hamilton's product of quaternions, real part first."""
     (w, x, y, z), (s, i, j, k) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
-    parts = [
-        w * s - x * i - y * j - z * k,
-        w * i + x * s + y * k - z * j,
-        w * j - x * k + y * s + z * i,
-        w * k + x * j - y * i + z * s,
-    ]
-    return np.asarray(np.stack(parts, axis=-1))
+    first = w * s - x * i - y * j - z * k, w * i + x * s + y * k - z * j
+    last = w * j - x * k + y * s + z * i, w * k + x * j - y * i + z * s
+    return np.asarray(np.stack([*first, *last], axis=-1))
 
 
 def dense(model: Any, packed: FloatArray) -> FloatArray:

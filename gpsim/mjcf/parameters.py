@@ -55,26 +55,16 @@ def place_knob(name: str, *at: int) -> Knob:
     return Knob((name,), write)
 
 
-def scale_knob(name: str, at: tuple[int, ...], believed: float) -> Knob:
-    """All that lies at a place of a field, by the ratio of the value to what is believed."""
-    where: tuple[slice | int, ...] = (slice(None), *at)
+def scale_knob(believed: float, *places: tuple[str, tuple[int | list[int], ...]]) -> Knob:
+    """All that lies at these places of fields, by the ratio of the value to what is believed."""
 
     def write(fields: Written, value: FloatArray) -> None:
-        part = np.asarray(fields[name][where])
-        fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
+        for name, at in places:
+            where = (slice(None), *at)
+            part = np.asarray(fields[name][where])  # type: ignore[index]
+            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))  # type: ignore[index]
 
-    return Knob((name,), write)
-
-
-def gain_knob(actuator: int, column: int, believed: float, *, moves: bool) -> Knob:
-    """A servo's gain; where it multiplies the command, too, both go together."""
-
-    def write(fields: Written, value: FloatArray) -> None:
-        fields["actuator_biasprm"][:, actuator, column] *= value / believed
-        if moves:
-            fields["actuator_gainprm"][:, actuator, 0] *= value / believed
-
-    return Knob(("actuator_biasprm", "actuator_gainprm") if moves else ("actuator_biasprm",), write)
+    return Knob(tuple(name for name, _ in places), write)
 
 
 def moving_bodies(model: Any) -> list[int]:
@@ -101,7 +91,7 @@ def parameters_of(model: Any, names: Names) -> dict[str, tuple[Parameter, Knob]]
 
     size = float(np.linalg.norm(model.opt.gravity))
     if size > 0.0:
-        add("gravity", "m/s^2", size, "acceleration of gravity", scale_knob("opt.gravity", (), size), 0.0)
+        add("gravity", "m/s^2", size, "acceleration of gravity", scale_knob(size, ("opt.gravity", ())), 0.0)
     for b in moving_bodies(model):
         name, length = names.bodies[b], length_of(model, b)
         add(f"{name}.mass", "kg", float(model.body_mass[b]), f"mass of {name}", place_knob("body_mass", b))
@@ -114,19 +104,20 @@ def parameters_of(model: Any, names: Names) -> dict[str, tuple[Parameter, Knob]]
         inertia = float(model.body_inertia[b].max())
         if inertia > 0.0 and _turned(model, b):
             text = f"largest moment of inertia of {name} about its centre of mass"
-            add(f"{name}.inertia", "kg m^2", inertia, text, scale_knob("body_inertia", (b,), inertia))
+            add(f"{name}.inertia", "kg m^2", inertia, text, scale_knob(inertia, ("body_inertia", (b,))))
     for i, action in enumerate(names.action.names):
         stiff, damped = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
+        # Where a servo's gain multiplies the command, too, both go together.
+        gain, (kp, kv) = ("actuator_gainprm", (i, 0)), (("actuator_biasprm", (i, k)) for k in (1, 2))
         if stiff > 0.0:
-            knob = gain_knob(i, 1, stiff, moves=True)
-            add(f"{action}.kp", "1", stiff, f"position gain of {action}", knob)
+            add(f"{action}.kp", "1", stiff, f"position gain of {action}", scale_knob(stiff, kp, gain))
         if damped > 0.0:
-            knob = gain_knob(i, 2, damped, moves=stiff <= 0.0)
+            knob = scale_knob(damped, kv, *([gain] if stiff <= 0.0 else []))
             add(f"{action}.kv", "1", damped, f"velocity gain of {action}", knob)
         most = float(np.abs(model.actuator_forcerange[i]).max())
         if model.actuator_forcelimited[i] and most > 0.0:
             text = f"the most that {action} gives, in force or torque"
-            add(f"{action}.forcerange", "1", most, text, scale_knob("actuator_forcerange", (i,), most))
+            add(f"{action}.forcerange", "1", most, text, scale_knob(most, ("actuator_forcerange", (i,))))
     return found
 
 
@@ -209,9 +200,8 @@ def _pairs(model: Any) -> Iterator[tuple[int, int]]:
 
 def _told(model: Any, fixed: int, moving: int, kind: str) -> bool:
     """Whether a contact has such a number at all, and one that a ratio changes."""
-    decide = [
-        g for g in (fixed, moving) if model.geom_priority[g] == model.geom_priority[[fixed, moving]].max()
-    ]
+    first = model.geom_priority[[fixed, moving]].max()
+    decide = [g for g in (fixed, moving) if model.geom_priority[g] == first]
     if kind == SOLREF:  # negative ones are a stiffness and a damping
         return bool((model.geom_solref[decide] > 0.0).all())
     return bool(model.geom_condim[decide].max() >= RUBS and model.geom_friction[decide, 0].max() > 0.0)
@@ -239,11 +229,8 @@ def _friction(model: Any, geom: int, name: str, led: list[int]) -> tuple[Paramet
 
 def _solref(model: Any, geom: int, name: str, led: list[int]) -> tuple[Parameter, Knob]:
     """The time constant of contacts: of the geom and of the others by one ratio, by which their mean changes, too."""
-    value, every = float(model.geom_solref[geom, 0]), [geom, *led]
+    value = float(model.geom_solref[geom, 0])
     least = min(value, max(value / HEAVIEST, SAFE * float(model.opt.timestep)))
-
-    def write(fields: Written, constant: FloatArray) -> None:
-        fields["geom_solref"][:, every, 0] *= (constant / value)[:, None]
-
     text = f"time constant of contacts with the geom {name}: the longer, the softer"
-    return Parameter("s", value, least, HEAVIEST * value, text), Knob(("geom_solref",), write)
+    declared = Parameter("s", value, least, HEAVIEST * value, text)
+    return declared, scale_knob(value, ("geom_solref", ([geom, *led], 0)))

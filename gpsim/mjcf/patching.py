@@ -32,6 +32,7 @@ from gpsim.mjcf.plan import FORCE, Fields, Plan, native_of
 from gpsim.mjcf.simulator import MjcfSimulator
 
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
+Elements = tuple[tuple[str, int], ...]
 GRIPS = ("coulomb_friction", "stribeck_friction", "load_friction", "local_friction_patch", "force_curve")
 """Laws of dry friction that the wrapper knows."""
 DRAGS = ("viscous_friction", "quadratic_drag")
@@ -69,7 +70,7 @@ class Went:
     term: Term
     where: Where
     why: str = ""
-    elements: tuple[tuple[str, int], ...] = ()
+    elements: Elements = ()
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,7 @@ class Patch:
     motors: list[Motor] = field(default_factory=list)
     went: list[Went] = field(default_factory=list)
 
-    def went_to(
-        self, term: Term, where: Where, why: str = "", elements: tuple[tuple[str, int], ...] = ()
-    ) -> None:
+    def went_to(self, term: Term, where: Where, why: str = "", elements: Elements = ()) -> None:
         """Note where an effect went."""
         self.went.append(Went(term, where, why, elements))
 
@@ -119,7 +118,7 @@ def patch_of(correction: Correction) -> Patch:
     simulator, terms = correction.simulator, correction.terms
     body, plan = simulator.body, Plan(simulator.body, terms, correction.parameters)
     values = [{k: np.array([v]) for k, v in t.values.items()} for t in terms]
-    fields = Fields(body, 1, np.array([correction.step]))
+    fields = Fields(body, np.array([correction.step]))
     plan.believed(fields)
     plan.write([i for i in plan.lasting if not _is_force(terms[i], body)], fields, values, {})
     told: dict[str, Any] = {
@@ -162,12 +161,8 @@ def _place_commands(patch: Patch, names: Sequence[str], step: float) -> None:
                 {"family": t.family, "values": _numbers(t), "region": _region(t)} for t in wrapped
             ]
         for term in wrapped:
-            why = (
-                "acts in a region only"
-                if term.gate.region
-                else WHY.get(term.family, "MJCF has no attribute for it")
-            )
-            patch.went_to(term, "wrapper", why)
+            why = WHY.get(term.family, "MJCF has no attribute for it")
+            patch.went_to(term, "wrapper", "acts in a region only" if term.gate.region else why)
         for term in tail:
             patch.went_to(term, "attribute", "", (("actuator", index),))
 
@@ -260,7 +255,7 @@ def _moved(patch: Patch, i: int) -> list[dict[str, Any]]:
     plan, made = patch.plan, []
     others = [k for k in plan.lasting if k != i]
     for which in (others, [*others, i]):
-        fields = Fields(plan.body, 1, np.array([plan.body.own_step]))
+        fields = Fields(plan.body, np.array([plan.body.own_step]))
         plan.believed(fields)
         plan.write(which, fields, patch.values, {})
         made.append(fields)
@@ -273,7 +268,7 @@ def _moved(patch: Patch, i: int) -> list[dict[str, Any]]:
     return changes
 
 
-def _elements(body: Body, changes: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
+def _elements(body: Body, changes: list[dict[str, Any]]) -> Elements:
     """Which elements of the model such changes are of."""
     model = body.base
     of_position = {int(model.jnt_qposadr[j]): j for j in range(model.njnt)}

@@ -6,8 +6,8 @@ implicit and masses move with everything that follows from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,31 +27,19 @@ STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Dry friction that holds: by MuJoCo's defaults a body under a load of 80 % creeps 4 mm/s."""
 
 
-@dataclass(eq=False)
-class Fields(Mapping[str, FloatArray]):
+class Fields(dict[str, FloatArray]):
     """Model fields (B, ...) of a batch, made from the model's when they are first asked for."""
 
-    body: Body
-    count: int
-    step: FloatArray
-    own: dict[str, FloatArray] = field(default_factory=dict)
+    def __init__(self, body: Body, step: FloatArray, begun: Mapping[str, FloatArray] | None = None) -> None:
+        super().__init__(begun or {})
+        self.body, self.step, self.count = body, step, len(step)
 
-    def __getitem__(self, name: str) -> FloatArray:
-        if name not in self.own:
-            model = self.body.model
-            owner, called = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
-            believed = np.zeros(model.nv) if name == FORCE else np.asarray(getattr(owner, called), float)
-            self.own[name] = np.tile(believed, (self.count, *(1,) * believed.ndim))
-        return self.own[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self.own
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.own)
-
-    def __len__(self) -> int:
-        return len(self.own)
+    def __missing__(self, name: str) -> FloatArray:
+        model = self.body.model
+        owner, called = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
+        believed = np.zeros(model.nv) if name == FORCE else np.asarray(getattr(owner, called), float)
+        self[name] = np.tile(believed, (self.count, *(1,) * believed.ndim))
+        return self[name]
 
 
 @dataclass(frozen=True)

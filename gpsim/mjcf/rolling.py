@@ -144,7 +144,7 @@ class Rolling:
         commands, step, count, b = asked.commands, asked.step, len(asked.step), pool.simulations
         qpos, qvel, force = (b.bind(name)[:count] for name in ("qpos", "qvel", FORCE))
         out = np.empty((*commands.shape[:2], self.layout.size))
-        lasting = {name: np.array(v) for name, v in fields.own.items()}
+        lasting = {name: np.array(v) for name, v in fields.items()}
         gone = np.zeros(count, dtype=np.bool_)
         yielding = Yielding(asked.plan, self.columns)
         bends = yielding.begun(count, strained)
@@ -172,7 +172,7 @@ class Rolling:
         """Write what changes from substep to substep."""
         plan, count = asked.plan, len(at.step)
         names = (*plan.moving_fields, FORCE)
-        now = Fields(self.body, count, at.step, {n: np.array(lasting[n]) for n in names if n in lasting})
+        now = Fields(self.body, at.step, {n: np.array(lasting[n]) for n in names if n in lasting})
         self._write_laws(asked, now, at, self.layout.ahead(at.state, at.step), lasting)
         pool.simulations.bind(FORCE)[:count] = now[FORCE]
         pool.write_some({n: now[n] for n in plan.moving_fields}, count)
@@ -253,15 +253,15 @@ class Rolling:
         return out
 
     def _lasting(self, asked: Asked, step: FloatArray) -> Fields:
-        fields = Fields(self.body, len(step), step)
+        fields = Fields(self.body, step)
         asked.plan.believed(fields)
         asked.plan.write(asked.plan.lasting, fields, asked.values, {})
         return fields
 
     def _begun(self, plan: Plan, fields: Fields, state: FloatArray, step: FloatArray) -> Pool:
-        pool = self.body.pools.of(plan.fields | frozenset(fields.own) - {FORCE})
+        pool = self.body.pools.of(plan.fields | frozenset(fields) - {FORCE})
         pool.begin(*self.layout.full(state), step)
-        pool.write(fields.own, len(state))
+        pool.write(fields, len(state))
         return pool
 
     def forward(

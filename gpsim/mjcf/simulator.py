@@ -432,7 +432,7 @@ class MjcfSimulator(Simulator):
         plan = plan or Plan(self.body, (), {})
         for rows in parts(len(state)):
             count = rows.stop - rows.start
-            fields = Fields(self.body, count, np.full(count, self.own_step))
+            fields = Fields(self.body, np.full(count, self.own_step))
             for name, value in parameters.items():  # one number each or one a row
                 if name in self.parameters and not np.all(value == self.parameters[name].default):
                     own = np.asarray(value, dtype=np.float64)
