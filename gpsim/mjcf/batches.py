@@ -71,25 +71,20 @@ class Pools:
         """The batch whose simulations have these fields of their own (and their time step)."""
         key = tuple(sorted(fields | {"opt.timestep"}))
         pool = self._kept.pop(key, None)
-        if pool is None:
-            pool = _made(self.model, key)
-        self._kept[key] = pool  # the newest last
+        self._kept[key] = pool = pool or self._made(key)  # the newest last
         while len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]
         return pool
 
-
-def _made(model: Any, fields: tuple[str, ...]) -> Pool:
-    mj = mujoco()
-    simulations = batch().Batch(model, SIZE, nthread=1)
-    own = {name: simulations.expand(name) for name in fields}
-    was = {name: np.array(values[0]) for name, values in own.items()}
-    data = mj.MjData(model)
-    mj.mj_resetData(model, data)
-    kind = mj.mjtState.mjSTATE_INTEGRATION
-    fresh = np.empty(mj.mj_stateSize(model, kind))
-    mj.mj_getState(model, data, fresh, kind)
-    return Pool(simulations, fresh, own, was, any(name in DERIVED for name in fields))
+    def _made(self, fields: tuple[str, ...]) -> Pool:
+        mj, model, kind = mujoco(), self.model, mujoco().mjtState.mjSTATE_INTEGRATION
+        simulations, data = batch().Batch(model, SIZE, nthread=1), mj.MjData(model)
+        own = {name: simulations.expand(name) for name in fields}
+        was = {name: np.array(values[0]) for name, values in own.items()}
+        mj.mj_resetData(model, data)
+        fresh = np.empty(mj.mj_stateSize(model, kind))
+        mj.mj_getState(model, data, fresh, kind)
+        return Pool(simulations, fresh, own, was, any(name in DERIVED for name in fields))
 
 
 def parts(count: int) -> Iterator[slice]:

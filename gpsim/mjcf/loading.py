@@ -23,7 +23,7 @@ from gpsim.files import file_digest, unreadable
 from gpsim.limits import MODEL_BODIES, MODEL_JOINTS, allowed, more
 from gpsim.mjcf.model_files import MODEL_FILES, compile_fault, files_of_model, one_line
 from gpsim.mjcf.optional import mujoco, quiet
-from gpsim.mjcf.urdf import apart, completed, is_urdf
+from gpsim.mjcf.urdf import apart, completed
 from gpsim.simulators import asked
 from gpsim.trust import GYM, check_file, check_module
 
@@ -143,7 +143,7 @@ def _of_file(path: Path, *, compiling: bool) -> tuple[Any, tuple[str, ...]]:
     notes: tuple[str, ...] = ()
     try:
         spec = mujoco().MjSpec.from_file(str(path))
-        if is_urdf(path):
+        if path.suffix.lower() == ".urdf":
             notes = tuple(completed(spec, path))
             notes = (*notes, *apart(spec, spec.compile()))
         return spec.compile() if compiling else spec, notes

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -220,8 +221,7 @@ def _check_stable(recording: Recording, simulator: MjcfSimulator) -> None:
         _check_stiffness(simulator, runs[first], int(np.argmax(gone[first])), n, recording.dt / n)
 
 
-@dataclass(frozen=True)
-class _Run:
+class _Run(NamedTuple):
     """Where the model is let go: a state (S,), the commands (K, A) that follow, and where that is in the log."""
 
     state: FloatArray

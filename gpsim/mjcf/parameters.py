@@ -61,8 +61,8 @@ def scale_knob(believed: float, *places: tuple[str, tuple[int | list[int], ...]]
     def write(fields: Written, value: FloatArray) -> None:
         for name, at in places:
             where = (slice(None), *at)
-            part = np.asarray(fields[name][where])  # type: ignore[index]
-            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))  # type: ignore[index]
+            part = np.asarray(fields[name][where])
+            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
 
     return Knob(tuple(name for name, _ in places), write)
 

@@ -39,11 +39,6 @@ FASTEST, STRONGEST = 1e3, 1e6  # that a joint's limits say where the model has n
 Lost = dict[str, list[str]]
 
 
-def is_urdf(path: Path) -> bool:
-    """Whether a model's file is a URDF, by its ending."""
-    return path.suffix.lower() == ".urdf"
-
-
 def mesh_file(name: str, folder: Path) -> Path | None:
     """The file that a URDF in this folder means by `name`, a path, file:// or package://NAME/PATH; None: not there."""
     return next((p.resolve() for p in mesh_places(name, folder) if p.is_file()), None)
@@ -62,15 +57,12 @@ def mesh_places(name: str, folder: Path) -> Iterator[Path]:
 
 def completed(spec: Any, path: Path) -> list[str]:
     """Change the MjSpec of a URDF, in place, until it compiles; what is not as its file says, in lines."""
-    notes, types = (
-        [*_meshes(spec, path.resolve().parent), *_masses(spec), *_inertias(spec)],
-        mujoco().mjtJoint,
-    )
+    notes = [*_meshes(spec, path.resolve().parent), *_masses(spec), *_inertias(spec)]
+    driven, types = (mujoco().mjtJoint.mjJNT_HINGE, mujoco().mjtJoint.mjJNT_SLIDE), mujoco().mjtTrn
     if not list(spec.actuators):  # a URDF has none: a motor JOINT_motor of gear 1 for each of its joints
-        for joint in spec.joints:
-            if joint.type in (types.mjJNT_HINGE, types.mjJNT_SLIDE):
-                motor = spec.add_actuator(name=f"{joint.name}_motor", target=joint.name)
-                motor.trntype = mujoco().mjtTrn.mjTRN_JOINT
+        for joint in (j for j in spec.joints if j.type in driven):
+            motor = spec.add_actuator(name=f"{joint.name}_motor", target=joint.name)
+            motor.trntype = types.mjTRN_JOINT
     return notes
 
 

@@ -116,15 +116,6 @@ def test_parameters_of_each_simulation_are_its_own(double):
         np.testing.assert_allclose(out[i], one_by_one(model, state[i], commands[i], split), atol=1e-11)
 
 
-def test_the_most_that_a_servo_gives_may_be_another(tmp_path):
-    limited = SERVO.replace('kv="3"', 'kv="3" forcerange="-4 4"')
-    servo = load_mjcf(written(tmp_path, limited))
-    model = mujoco.MjModel.from_xml_string(limited.replace('"-4 4"', '"-6 6"'))
-    term, sent = Term("parameter_offset", "servo.forcerange", {"ratio": 1.5}), np.full((1, 40, 1), 0.9)
-    out = rolled(servo, np.zeros((1, 2)), sent, term)
-    np.testing.assert_allclose(out[0], one_by_one(model, np.zeros(2), sent[0], split), atol=1e-11)
-
-
 @pytest.mark.parametrize(
     ("family", "on", "values"),
     [
