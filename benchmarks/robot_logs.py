@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 
-from gpsim.mjcf.specs import spec_of
+from gpsim.mjcf.loading import spec_of
 from gpsim.trials.robots import Robot, robot_of
 
 CONTROL, STEP, SECONDS = 0.002, 0.0005, 40.0  # s

@@ -13,8 +13,7 @@ from mjcf_models import written
 
 from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.mjcf import Correction, declared, export_model, files_digest, load_mjcf
-from gpsim.mjcf.loading import notes_of
+from gpsim.mjcf import Correction, declared, export_model, files_digest, load_mjcf, notes_of
 from gpsim.mjcf.urdf import nearest_inertia
 
 INERTIAL = (
