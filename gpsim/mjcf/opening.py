@@ -216,9 +216,18 @@ def _check_stable(recording: Recording, simulator: MjcfSimulator) -> None:
     reached = simulator.as_modelled().rolled((), simulator.defaults(), (), *how)
     gone = np.abs(reached).max(axis=2, initial=0.0) >= FAR
     ran_away = gone.any(axis=1) & np.array([len(run.actions) > 0 for run in runs], dtype=np.bool_)
-    if runs and ran_away.mean() >= TOO_MANY:
-        first = int(np.flatnonzero(ran_away)[0])
-        _check_stiffness(simulator, runs[first], int(np.argmax(gone[first])), n, recording.dt / n)
+    if not runs or ran_away.mean() < TOO_MANY:
+        return
+    first, h, model = int(np.flatnonzero(ran_away)[0]), recording.dt / n, simulator.body.base
+    run, dof = runs[first], _worst(simulator, runs[first], n, h)
+    joint = called(model, "joint", int(model.dof_jntid[dof]))
+    parameter, value = _suspect(simulator, dof, joint, h)
+    if parameter:
+        raise UsageError(
+            f"{simulator.name}: runs away: no number at step {int(np.argmax(gone[first])) + 1} from t = {run.t:g} s of "
+            f"episode {run.episode}, at the joint {joint}; {parameter} = {value:g} is too stiff for a step of {h:g} s: "
+            "make it smaller, or the step shorter (timestep in <option>)"
+        )
 
 
 class _Run(NamedTuple):
@@ -238,18 +247,6 @@ def _run(recording: Recording, simulator: MjcfSimulator, episode: Episode, k: in
     if given.shape[1] != len(simulator.action):  # nobody's commands are taken for 0
         given = np.zeros((len(given), len(simulator.action)))
     return _Run(state, np.nan_to_num(given), episode.name, float(episode.t[k]))
-
-
-def _check_stiffness(simulator: MjcfSimulator, run: _Run, step: int, n: int, h: float) -> None:
-    dof, model = _worst(simulator, run, n, h), simulator.body.base
-    joint = called(model, "joint", int(model.dof_jntid[dof]))
-    parameter, value = _suspect(simulator, dof, joint, h)
-    if parameter:
-        raise UsageError(
-            f"{simulator.name}: runs away: no number at step {step + 1} from t = {run.t:g} s of episode {run.episode}, "
-            f"at the joint {joint}; {parameter} = {value:g} is too stiff for a step of {h:g} s: make "
-            "it smaller, or the step shorter (timestep in <option>)"
-        )
 
 
 def _worst(simulator: MjcfSimulator, run: _Run, n: int, h: float) -> int:
