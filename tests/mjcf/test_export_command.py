@@ -1,13 +1,11 @@
 """`gpsim export model` of a finished diagnosis, and the environment that goes by its folder."""
 
 import json
-import sys
 from pathlib import Path
 
 import gymnasium
 import pytest
-from cli_calls import ANSWER
-from gpsim.cli.main import main
+from cli_calls import ANSWER, called
 from made_artifacts import made_diagnosis_artifact
 from made_diagnoses import made_diagnosis, made_effect
 from mjcf_models import DOUBLE, written
@@ -17,7 +15,7 @@ from gpsim.corrected import EffectsPlant
 from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.findings import Estimate
-from gpsim.mjcf import open_simulator
+from gpsim.mjcf import files_digest, open_simulator
 from gpsim.reports.diagnosis_page import page
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnosis_files import where_effects_go
@@ -51,19 +49,16 @@ def diagnosed(folder, reference, terms=(), effects=(), dt=0.01):
 
 def test_it_says_where_each_effect_went(tmp_path, monkeypatch, capfd):
     diagnosed(tmp_path, written(tmp_path, DOUBLE), TERMS, EFFECTS)
-    words = [
+    words = (
         "export",
         "model",
         str(tmp_path / "found"),
         "--out",
         str(tmp_path / "robot_corrected.xml"),
         "--json",
-    ]
-    monkeypatch.setattr(sys, "argv", ["gpsim", *words])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
-    out, err = capfd.readouterr()
+    )
+    code, out, err = called(monkeypatch, capfd, *words)
+    assert not code
     content = json.loads(out)
     ANSWER.validate(content)
     assert [e["where"] for e in content["effects"]] == ["attribute", "wrapper"]
@@ -102,8 +97,6 @@ def test_a_diagnosis_that_named_nothing_gives_the_model_itself(tmp_path):
 
 def test_a_model_that_has_changed_since_is_refused(tmp_path):
     path = written(tmp_path, DOUBLE)
-    from gpsim.mjcf import files_digest
-
     simulator = open_simulator(path)
     plant = EffectsPlant(simulator, simulator.defaults(), (), "fine", 5, 0.01)
     (tmp_path / "rec").mkdir()

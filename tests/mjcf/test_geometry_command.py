@@ -1,7 +1,6 @@
 """`gpsim diagnose` of a bare table with a site's columns, and `gpsim export model` of what it found."""
 
 import json
-import sys
 from importlib.resources import files
 
 import jsonschema
@@ -9,7 +8,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
-from gpsim.cli.main import main
+from cli_calls import called
 from mjcf_models import PENDULUM, written
 
 from gpsim.diagnosis import Diagnosis
@@ -40,20 +39,14 @@ def swung():
     return table
 
 
-def run(monkeypatch, *words):
-    monkeypatch.setattr(sys, "argv", ["gpsim", *map(str, words)])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return ended.value.code
-
-
 @pytest.mark.slow
-def test_a_log_with_a_site_says_what_of_the_geometry_is_off(tmp_path, monkeypatch, capsys):
+def test_a_log_with_a_site_says_what_of_the_geometry_is_off(tmp_path, monkeypatch, capfd):
     robot = written(tmp_path, SEEN)
     swung().to_csv(tmp_path / "log.csv", index=False)
     monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, "diagnose", "log.csv", "--simulator", robot, "--out", "found", "--cores", 1) == 0
-    said = capsys.readouterr().out
+    words = ("diagnose", "log.csv", "--simulator", robot, "--out", "found", "--cores", "1")
+    code, said, _ = called(monkeypatch, capfd, *words)
+    assert code == 0
     assert "Geometry the place of tip along z is off by -0.004" in said
     content = json.loads((tmp_path / "found/diagnosis.json").read_text())
     schema = json.loads((files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8"))
@@ -69,7 +62,7 @@ def test_a_log_with_a_site_says_what_of_the_geometry_is_off(tmp_path, monkeypatc
     assert "the delay of the motion capture" in page
     (moved,) = read_corrected(tmp_path / "found").simulator.geometry
     assert moved.value == robots[0]["size"]["value"]
-    assert run(monkeypatch, "export", "model", "found", "--out", "fixed.xml") == 0
+    assert called(monkeypatch, capfd, "export", "model", "found", "--out", "fixed.xml")[0] == 0
     told = mujoco.MjModel.from_xml_path(str(tmp_path / "fixed.xml")).site("tip").pos[2]
     assert told == pytest.approx(-0.8 + moved.value, abs=1e-12)
     assert "<!-- the place of tip along z is off by -0.004" in (tmp_path / "fixed.xml").read_text()
