@@ -35,7 +35,7 @@ JOINT = {
 }
 """Attribute of a joint -> the fields that it is."""
 INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diaginertia": "body_inertia"}
-GEOM = {"friction": "geom_friction", "solref": "geom_solref"}
+GEOM = {"friction": "geom_friction", "solref": "geom_solref", "pos": "geom_pos"}
 SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
 """What MjSpec calls otherwise than MJCF."""
 MOVED = {

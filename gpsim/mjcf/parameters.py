@@ -31,8 +31,9 @@ LENGTHS = 5.0  # a centre of mass lies no more than so many lengths of its body 
 SHORT = 0.02  # m, the least length of a body
 LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording shows
 RUBS = 3  # condim of a contact from which on it has friction
+FURTHEST = 2.0  # times its distance, that a foot is from its body's frame at most
 SAFE = 2.0  # steps: MuJoCo takes a shorter time constant for one so long
-FRICTION, SOLREF = "friction", "solref"
+FRICTION, SOLREF, REACH = "friction", "solref", "reach"
 Written = Mapping[str, FloatArray]
 """Fields (B, ...) of simulations, by their names."""
 
@@ -147,16 +148,16 @@ class Surface:
 def surfaces_of(model: Any, names: Names, where: str) -> tuple[Surface, ...]:
     """Friction, then time constants, of every geom that decides some contact between what moves and what does not.
 
-    Raises UsageError where a name cannot be used; where: whose model it is.
+    Then how far feet reach: spheres that lie at some distance from their body's frame. Raises UsageError where a name
+    cannot be used; where: whose model it is.
     """
     called, pairs, found = _called(model, names), list(_pairs(model)), []
-    for kind in (FRICTION, SOLREF):
+    for kind, make in ((FRICTION, _friction), (SOLREF, _solref), (REACH, _reach)):
         others: dict[int, set[int]] = defaultdict(set)
         for fixed, moving in pairs:
             if _told(model, fixed, moving, kind):
-                decides = _decider(model, fixed, moving, kind)
+                decides = moving if kind == REACH else _decider(model, fixed, moving, kind)
                 others[decides].add(moving if decides == fixed else fixed)
-        make = _friction if kind == FRICTION else _solref
         for geom in sorted(others):
             check_name(called[geom], f"{where}: geom number {geom}")
             met = frozenset(others[geom])
@@ -200,6 +201,12 @@ def _pairs(model: Any) -> Iterator[tuple[int, int]]:
 
 def _told(model: Any, fixed: int, moving: int, kind: str) -> bool:
     """Whether a contact has such a number at all, and one that a ratio changes."""
+    if kind == REACH:
+        mj = mujoco()
+        ball = int(model.geom_type[moving]) == int(mj.mjtGeom.mjGEOM_SPHERE)
+        # Of one that lies where a frame of its body does MuJoCo does not look at its place.
+        frames = (int(mj.mjtSameFrame.mjSAMEFRAME_BODY), int(mj.mjtSameFrame.mjSAMEFRAME_INERTIA))
+        return ball and int(model.geom_sameframe[moving]) not in frames
     first = model.geom_priority[[fixed, moving]].max()
     decide = [g for g in (fixed, moving) if model.geom_priority[g] == first]
     if kind == SOLREF:  # negative ones are a stiffness and a damping
@@ -225,6 +232,14 @@ def _friction(model: Any, geom: int, name: str, led: list[int]) -> tuple[Paramet
 
     text = f"sliding friction of what touches the geom {name}"
     return Parameter("1", value, value / HEAVIEST, HEAVIEST * value, text), Knob(("geom_friction",), write)
+
+
+def _reach(model: Any, geom: int, name: str, led: list[int]) -> tuple[Parameter, Knob]:
+    """How far a foot is from the frame of its body, in the direction in which it is: longer or shorter shanks."""
+    value = float(np.linalg.norm(model.geom_pos[geom]))
+    text = f"distance of the foot {name} from its body's frame"
+    declared = Parameter("m", value, value / FURTHEST, FURTHEST * value, text)
+    return declared, scale_knob(value, ("geom_pos", ([geom],)))
 
 
 def _solref(model: Any, geom: int, name: str, led: list[int]) -> tuple[Parameter, Knob]:

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-import yaml
-
+from gpsim.recordings import parse_yaml
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.trials.goals import GOALS, bounds_of
 
@@ -101,7 +100,7 @@ def _groups() -> Mapping[str, Json]:
         .joinpath("templates", "prove_groups.yaml")
         .read_text(encoding="utf-8")
     )
-    found: Mapping[str, Json] = yaml.safe_load(text)
+    found: Mapping[str, Json] = parse_yaml(text)
     return found
 
 

@@ -80,6 +80,22 @@ def test_the_time_constant_is_that_of_the_contact(ratio, tmp_path):
     assert apart(directly(mixed, change), rolled(mixed, tmp_path, "floor.solref", ratio)) < 1e-9
 
 
+FOOTED = ALIKE.replace('pos="0 0 .1"', 'pos="0 0 .15"').replace(
+    '<geom name="sole" size=".1" mass="1.5"',
+    '<inertial pos="0 0 0" mass="1.5" diaginertia=".1 .1 .1"/><geom name="sole" size=".1" pos="0 0 -.05"',
+)
+
+
+def test_a_foot_reaches_as_far_as_its_geom_and_is_written_out_there(tmp_path):
+    def change(model):
+        model.geom_pos[1] *= 1.01
+
+    assert apart(directly(FOOTED, change), rolled(FOOTED, tmp_path, "sole.reach", 1.01)) < 1e-9
+    plant, made = exported(tmp_path, FOOTED, [Term("parameter_offset", "sole.reach", {"ratio": 1.01})])
+    assert mujoco.MjModel.from_xml_path(str(made.files["model"])).geom_pos[1] == pytest.approx([0, 0, -0.0505])
+    assert "sole.reach" not in load_mjcf(written(tmp_path, ALIKE)).parameters
+
+
 @pytest.mark.parametrize(
     "change",
     [

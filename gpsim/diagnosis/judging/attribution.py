@@ -106,7 +106,9 @@ def role_of(
     settings: VerdictSettings,
 ) -> Role:
     """By the rule above. left: of the mismatch; decided: blocks in which it decides; grows: see `_growth`."""
-    if grows >= settings.decides and decided >= settings.seldom:
+    if (
+        grows >= settings.decides and decided >= settings.seldom and needed.share > 0.0
+    ):  # else all is no worse
         return "headline"
     surely = needed.share if needed.low is None else needed.low
     enough = surely > 0.0 and needed.share >= min(settings.needed, settings.of_left * left)
