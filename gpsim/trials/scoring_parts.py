@@ -7,9 +7,11 @@
   Other names that are the same by definition are taken for it: a servo's velocity gain for viscous friction, a bias of
   a command or an encoder's zero behind a servo for a torque offset, late sensors for late commands.
 - What floats or stands: an effect is right that is told, in the headline or as a slight one, within 15 % of what it
-  changes or with the truth in its interval; or as a part of a combination that the diagnosis names. Two names are the
-  same by definition, and only these: a payload at a body's centre, whose moments of inertia are none, and more mass of
-  that body.
+  changes or with the truth in its interval; or as a part of a combination that the diagnosis names. Two things are
+  the same by definition, and only these: a payload at a body's centre, whose moments of inertia are none, and more mass
+  of that body; and mass, inertia, drag, wind and all gains of what floats in one ratio: Newton's and Euler's equations
+  have all of them as factors, so that no motion tells one unit from another. Taken are those that need no more numbers
+  than the truth.
 - A curve is right that was measured at the law's site, of its input, and is near the law. A plan is right that decides
   what a first recording left open.
 
@@ -56,6 +58,8 @@ SEEN, NEEDED, STANDS_OUT = 3.0, 0.01, 1.0  # nats, share of the mismatch, standa
 WITHIN = 0.15  # of what an effect changes, by which its size may be off, or of what changed bodies ask for
 COUNTS = 0.01  # of the joint's torque
 ALIKE, COMBINED, OWN = "alike", "in a combination", "own name"
+SCALED = ("viscous_friction", "quadratic_drag", "constant_force")
+LEAST = 0.03  # what a gain is off by at least where it is drawn
 OFF_CENTRE = 0.02  # m from a body's centre of mass, at which a payload still is more mass of it
 NEAR = 0.1  # of the true law's range, that a curve may be off in root mean square over what was visited
 BENDS = 0.01
@@ -327,12 +331,17 @@ def score_afloat(answer: Answer, report: Json | None, rollouts: Mapping[str, flo
     said = [_by_its_mass(e, answer.world.system) for e in report["effects"]]
     combined = [set(c["of"]) for c in report["combinations"]]
     told = {identity(e): e for e in said if e.get("role", "headline") in ("headline", "slight")}
-    parts = [_told(e, told, any(is_part(e, names) for names in combined)) for e in effects]
-    spurious = [
-        e for e in headline_of(said) if identity(e) not in truth and not is_combined(e, truth, combined)
-    ]
-    verdict, names = str(report["verdict"]), claims_of(said)
-    every = all(p["right"] for p in parts if p["counts"]) and not spurious
+    judged: list[tuple[int, int, Sequence[Json], list[dict[str, Any]], list[Json]]] = []
+    for alike in _alike(effects, answer.world.system):
+        there = claims_of(alike)
+        parts = [_told(e, told, any(is_part(e, names) for names in combined)) for e in alike]
+        more = [
+            e for e in headline_of(said) if identity(e) not in there and not is_combined(e, there, combined)
+        ]
+        wrong = sum(p["counts"] and not p["right"] for p in parts) + len(more)
+        judged.append((wrong, len(judged), alike, parts, more))
+    least, _, effects, parts, spurious = min(judged, key=lambda j: j[:2])
+    verdict, names, every = str(report["verdict"]), claims_of(said), least == 0
     if truth and combined:
         wanted = ["ambiguous", *wanted]
     return out | {
@@ -349,6 +358,31 @@ def score_afloat(answer: Answer, report: Json | None, rollouts: Mapping[str, flo
         "rollouts": max((rollouts or {}).values(), default=None),
         "right": every if truth else verdict == "none",
     }
+
+
+def _alike(effects: Sequence[Json], system: str) -> list[Sequence[Json]]:
+    """The truth; and of what floats the same in other units of mass, in which a gain, a mass or an inertia is right."""
+    layout, out = layout_of(system), [effects]
+    if layout.driven or not effects:
+        return out
+    body, told = spec_of(system).compile().body(1).name, {identity(e): e for e in effects}
+    names = {("parameter_offset", f"{body}.{what}"): "ratio" for what in ("mass", "inertia")}
+    names |= {("actuator_gain", action): "gain" for action in layout.action}
+    factors = {key: told[key]["parameters"][name] if key in told else 1.0 for key, name in names.items()}
+    for unit in sorted({x for x in factors.values() if x != 1.0}):
+        made: list[Json] = []
+        for e in effects:
+            size = 1.0 / unit if e["family"] in SCALED else 1.0
+            if identity(e) not in factors:
+                made.append({**e, "parameters": {k: v * size for k, v in e["parameters"].items()}})
+        for (family, on), x in factors.items():
+            if x != unit:
+                seen = SHOWS if abs(x / unit - 1.0) >= LEAST else 0.0
+                size_now = {names[family, on]: x / unit}
+                made.append({"family": family, "on": on, "rollout": seen, "parameters": size_now})
+        if len(made) <= len(effects):
+            out.append(made)
+    return out
 
 
 def _told(effect: Json, told: Mapping[Identity, Json], combined: bool) -> dict[str, Any]:

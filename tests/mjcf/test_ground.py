@@ -67,9 +67,7 @@ def test_a_fit_through_landings_finds_what_the_ground_is_like(change, on, ratio,
     problem = question.searched.on(question.searched.windows.take(np.arange(WINDOWS)))
     start, off = problem.windows.measured[:, 0], {}
     for candidate in (c for c in offers_of(question) if c.place.on in (FRICTION, SOLREF)):
-        found = fit(
-            problem, Hypothesis((candidate.term([1.1]),), (candidate.declared,)), start, iterations=12
-        )
+        found = fit(problem, Hypothesis((candidate.term([1.1]),), (candidate.declared,)), start, rounds=12)
         off[candidate.place.on] = np.log(found.variance[problem.observed]).sum()
         if candidate.place.on == on:
             assert found.hypothesis.theta[0] == pytest.approx(ratio, rel=0.05)

@@ -91,8 +91,10 @@ def test_a_foot_reaches_as_far_as_its_geom_and_is_written_out_there(tmp_path):
         model.geom_pos[1] *= 1.01
 
     assert apart(directly(FOOTED, change), rolled(FOOTED, tmp_path, "sole.reach", 1.01)) < 1e-9
-    plant, made = exported(tmp_path, FOOTED, [Term("parameter_offset", "sole.reach", {"ratio": 1.01})])
-    assert mujoco.MjModel.from_xml_path(str(made.files["model"])).geom_pos[1] == pytest.approx([0, 0, -0.0505])
+    _, made = exported(tmp_path, FOOTED, [Term("parameter_offset", "sole.reach", {"ratio": 1.01})])
+    assert mujoco.MjModel.from_xml_path(str(made.files["model"])).geom_pos[1] == pytest.approx(
+        [0, 0, -0.0505]
+    )
     assert "sole.reach" not in load_mjcf(written(tmp_path, ALIKE)).parameters
 
 

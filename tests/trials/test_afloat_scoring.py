@@ -81,6 +81,19 @@ def test_a_payload_at_the_centre_is_more_mass_of_its_body_and_one_aside_is_not()
     assert scored([*rest, aside])["spurious_names"] == [["payload", "frame"]]
 
 
+def test_all_gains_of_what_floats_in_one_ratio_are_its_mass_inertia_and_forces():
+    gains = [("actuator_gain", f"thrust_{i}", {"gain": 0.8}, 50.0) for i in range(1, 5)]
+    truth = [*gains, ("viscous_friction", "base.surge", {"damping": 0.3}, 30.0)]
+    masses = [said("parameter_offset", f"frame.{what}", "ratio", 1.25) for what in ("mass", "inertia")]
+    drag = said("viscous_friction", "base.surge", "damping", 0.375)
+    found = scored([*masses, drag], truth)
+    assert (found["right"], found["spurious"], len(found["parts"])) == (True, 0, 3)
+    assert not scored([masses[0], drag], truth)["right"]
+    fewer = [("parameter_offset", "frame.mass", {"ratio": 1.25}, 50.0)]  # five numbers in place of one
+    others = [said("actuator_gain", on, "gain", 0.8) for _, on, _, _ in gains]
+    assert not scored([*others, said("parameter_offset", "frame.inertia", "ratio", 0.8)], fewer)["right"]
+
+
 def test_a_part_of_a_combination_that_is_named_is_right():
     rest = all_of_it()[:2]
     other = said("parameter_offset", "frame.inertia", "ratio", 1.2)
