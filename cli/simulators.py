@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 simulators_app = typer.Typer(
     no_args_is_help=True,
-    help="Simulators: those registered, your own, and MuJoCo models (needs gpsim[mujoco]).",
+    help="Simulators: those registered, your own, and MuJoCo models (which need the extra mujoco).",
 )
 Name = Annotated[
     str,

@@ -1,6 +1,9 @@
 """The exceptions that end a command: bad input, in one line, and being asked to end."""
 
+import difflib
 import signal
+from collections.abc import Iterable
+from pathlib import Path
 
 
 class UsageError(Exception):
@@ -20,6 +23,22 @@ class NoDiagnosis(UsageError):  # noqa: N818  # what happened is no error of the
 
     The command line ends with exit code 3: nothing is to be corrected, another recording is to be made.
     """
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """What was meant, in parentheses behind a name that is not among those known; empty where none is like it."""
+    found = difflib.get_close_matches(name, list(known), n=1)
+    return f" (did you mean '{found[0]}'?)" if found else ""
+
+
+def near_path(path: Path) -> str:
+    """The same behind a path that is not there, by what lies in its folder."""
+    try:
+        beside = [p.name for p in path.parent.iterdir()]
+    except OSError:
+        return ""
+    found = difflib.get_close_matches(path.name, beside, n=1)
+    return f" (did you mean {path.parent / found[0]}?)" if found else ""
 
 
 CODE = 128 + signal.SIGTERM

@@ -58,6 +58,22 @@ def test_the_package_runs_as_the_command_does():
     assert wrong.stderr.startswith("error: nowhere: no such recording")
 
 
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("diagnose {0}/cartt.csv", "cart.csv"),
+        ("import {0}/cartt.csv --inspect", "cart.csv"),
+        ("diagnose {0}/cart.csv --simulator cartpol", "'cartpole'"),
+    ],
+)
+def test_what_was_meant_is_said(words, meant, tmp_path, monkeypatch, capsys):
+    (tmp_path / "cart.csv").write_text("t\n0\n")
+    code, _, err = said(monkeypatch, capsys, *words.format(tmp_path).split())
+    assert code == 2
+    assert "did you mean" in err
+    assert f"{meant}?)" in err
+
+
 @pytest.mark.parametrize("words", ["diagnose -q nowhere", "-q diagnose nowhere", "diagnose nowhere --quiet"])
 def test_a_quiet_command_still_says_its_errors(words, monkeypatch, capsys):
     code, out, err = said(monkeypatch, capsys, *words.split())

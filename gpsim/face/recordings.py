@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from gpsim.channels import Channels
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.face.simulators import load_simulator
 from gpsim.recordings import LONGEST_STEP, HeldOut, Recording, Velocities, gaps
 from gpsim.recordings import read_recording as read_folder
@@ -69,7 +69,9 @@ def read_recording(
         raise UsageError("read_recording: several logs need a mapping, which makes one recording of them")
     place = Path(path)
     if not place.exists():
-        raise UsageError(f"{place}: no such recording; give a folder as `gpsim import` makes, or a table")
+        raise UsageError(
+            f"{place}: no such recording{near_path(place)}; give a folder as `gpsim import` makes, or a table"
+        )
     folder = place if place.is_dir() else place.parent
     if (folder / "recording.yaml").is_file() and (place.is_dir() or place.stem == "recording"):
         return read_folder(folder)

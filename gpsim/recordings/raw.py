@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from gpsim.channels import FloatArray
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.recordings.values import check_name, one_line
 
 
@@ -154,7 +154,7 @@ def find_logs(
         except OSError as error:
             raise UsageError(f"{one_line(path)}: cannot be read ({error.strerror or error})") from error
         if not there:
-            raise UsageError(f"{one_line(path)}: does not exist")
+            raise UsageError(f"{one_line(path)}: does not exist{near_path(path)}")
         check_name(path.name or ".", one_line(path.parent))
         if layout == "folder":
             found += _folders(path, pattern, opener)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 from gpsim.simulators.ackermann import Ackermann
 from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.pendulum import Pendulum
@@ -36,6 +36,7 @@ def make_simulator(name: str) -> Simulator:
         return load_user_simulator(name)
     if name not in SIMULATORS:
         raise UsageError(
-            f"unknown simulator '{name}'; registered are: {', '.join(SIMULATORS)}; your own: FILE.py:ClassName"
+            f"unknown simulator '{name}'{near(name, SIMULATORS)}; registered are: {', '.join(SIMULATORS)}; "
+            "your own: FILE.py:ClassName"
         )
     return SIMULATORS[name]()

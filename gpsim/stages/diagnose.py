@@ -12,7 +12,7 @@ from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.effects import again, bring, installed, origins, read_effects
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.files import Json, file_digest, read_object
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.posterior import OLDER, LeftOpen, from_two_files, left_open_from
@@ -143,7 +143,8 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     path = task.recording
     if not path.exists():
         raise UsageError(
-            f"{path}: no such recording; give a folder as `gpsim import` makes, or a CSV with --simulator"
+            f"{path}: no such recording{near_path(path)}; give a folder as `gpsim import` makes, "
+            "or a CSV with --simulator"
         )
     folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):

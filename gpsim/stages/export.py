@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.artifacts import read_artifact
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.corrected import CorrectedPlant, GpCorrection
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.evaluation import BETS, Monitor
 from gpsim.files import Json, write_json, written_whole
 from gpsim.gp import Predictor
@@ -134,7 +134,7 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
     new_place(out)
     if not path.exists() or (path.is_file() and path.stem != "recording"):
         raise UsageError(
-            f"{path}: no such recording; give a folder with recording.yaml, as `gpsim import` makes"
+            f"{path}: no such recording{near_path(path)}; give a folder with recording.yaml, as `gpsim import` makes"
         )
     recording = read_recording(path)
     predictions, notes = predict(recording)

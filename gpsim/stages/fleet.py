@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.files import Json, write_json
 from gpsim.launchers import Launcher, Update
 from gpsim.recordings import is_bag_folder
@@ -51,7 +51,7 @@ def recordings_in(paths: Sequence[Path], simulator: str | None) -> dict[str, Pat
     found: list[Path] = []
     for path in paths:
         if not path.exists():
-            raise UsageError(f"{path}: no such recording or folder")
+            raise UsageError(f"{path}: no such recording or folder{near_path(path)}")
         below = _recordings_of(path, simulator, alone=len(paths) == 1)
         if not below:
             raise UsageError(f"{path}: no recordings in it (folders with a recording.yaml), and no logs")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
     FolderLog,
@@ -309,7 +309,7 @@ def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pa
     for number, source in enumerate(sources, 1):
         try:
             if not source.exists():
-                raise UsageError(f"{source}: no such file or folder")
+                raise UsageError(f"{source}: no such file or folder{near_path(source)}")
             logs: list[Path] = []
             for found in find_logs([source], layout, pattern, remembering(logs)):
                 logs += found.log.files.values() if isinstance(found.log, FolderLog) else ()

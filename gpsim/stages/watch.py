@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.artifacts import read_artifact
-from gpsim.errors import NoDiagnosis, UsageError
+from gpsim.errors import NoDiagnosis, UsageError, near_path
 from gpsim.files import disk_errors, file_digest, plain
 from gpsim.settings import build
 from gpsim.simulators import Simulator
@@ -145,7 +145,7 @@ class Watch:
     def pass_over(self) -> Iterator[Watched]:
         """Everything that is new, once."""
         if not self.what.exists():
-            raise UsageError(f"{self.what}: no such recording or folder")
+            raise UsageError(f"{self.what}: no such recording or folder{near_path(self.what)}")
         empty = self.what.is_dir() and not any(self.what.iterdir())
         found = {} if empty else recordings_in([self.what], self.name)
         for name, path in sorted(found.items(), key=lambda item: (item[1].stat().st_mtime, item[0])):

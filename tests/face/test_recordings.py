@@ -86,7 +86,7 @@ def test_a_state_that_nobody_measured_may_be_absent(log):
         ({}, {"units": {}}, "units: expected column: unit"),
         ({}, {"units": {"q": 1}}, "units: expected column: unit"),
         ({}, {"time": "stamp"}, "no column 'stamp'"),
-        ({}, {"simulator": "slidder"}, "unknown simulator 'slidder'; registered are: cartpole"),
+        ({}, {"simulator": "slidder"}, "unknown simulator 'slidder' (did you mean 'slider'?); registered are: cartpole"),
         ({}, {"dt": 0.1}, "dt=0.1 s, but the usual step of its time is 0.02 s"),
         ({}, {"dt": -1.0}, "dt: expected seconds, more than 0"),
         ({}, {"held_out": 1.5}, "held_out: expected a share in [0, 1), got 1.5"),

@@ -94,7 +94,7 @@ PLAIN = {"state": {"level": "m"}, "action": {"pump": "V"}}
 @pytest.mark.parametrize(
     ("given", "named", "said"),
     [
-        ("slidder", {}, "unknown simulator 'slidder'; registered are: cartpole"),
+        ("slidder", {}, "unknown simulator 'slidder' (did you mean 'slider'?); registered are: cartpole"),
         ("nothing.py:Tank", {}, "no file nothing.py"),
         ("slider", {"state": {"q": "m"}}, "state go with a function, not with slider"),
         (Cart, {"state": {"q": "m"}}, "for a function only; Cart() says this itself"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,7 +20,7 @@ from gpsim.diagnosis.settings.numbers import (
     VerdictSettings,
     WindowSettings,
 )
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 from gpsim.settings import build
 
 WHERE = "diagnose"
@@ -80,7 +79,7 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
             )
         if name not in steps:
             raise UsageError(
-                f"{WHERE}: no step '{name}'{_nearest(name, steps)}; there are: {', '.join(steps)}"
+                f"{WHERE}: no step '{name}'{near(str(name), steps)}; there are: {', '.join(steps)}"
             )
         if not isinstance(content, Mapping):
             raise UsageError(
@@ -89,17 +88,12 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         known = [f.name for f in dataclasses.fields(steps[name])]
         for key in content:
             if key not in known:
-                raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
+                raise UsageError(f"{WHERE}.{name}: no setting '{key}'{near(str(key), known)}")
     read = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
     for name, step in read.items():
         for key, value, least in too_small(step):
             raise UsageError(f"{WHERE}.{name}.{key}: expected at least {least:g}, got {value!r}")
     return Settings(**read)
-
-
-def _nearest(name: str, known: Any) -> str:
-    near = difflib.get_close_matches(str(name), list(known), n=1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 def as_mapping(settings: Settings) -> dict[str, dict[str, Any]]:

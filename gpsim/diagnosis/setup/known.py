@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import NAMES, Known
 from gpsim.effects import CURVES, FAMILIES, EffectParameter, effect_of
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 from gpsim.simulators import Simulator
 
 FAMILIES_AT = "diagnose.families"
@@ -108,6 +107,6 @@ def check_bounds(known: Known, offers: Sequence[Candidate]) -> None:
 def _check(name: str, there: Collection[str], where: str, kind: str) -> None:
     if name in there:
         return
-    near = difflib.get_close_matches(name, list(there), n=1)
-    hint = f" (did you mean '{near[0]}'?)" if near else ""
-    raise UsageError(f"{where}: no {kind} '{name}'{hint}; there are: {', '.join(there) or 'none'}")
+    raise UsageError(
+        f"{where}: no {kind} '{name}'{near(name, there)}; there are: {', '.join(there) or 'none'}"
+    )
