@@ -339,9 +339,6 @@ def test_a_vessel_that_is_full_is_said_to_overflow():
     found = gpsim.diagnose(
         recording, base, families={"only": ["overflow", "sensor_saturation", "parameter_offset"]}
     )
-    assert (found.effects[0].family, found.effects[0].place) == ("overflow", "level")
-    assert {e.family for e in found.effects} <= {
-        "overflow",
-        "sensor_saturation",
-    }  # which reads no more, either
+    # The readings are cut off there, too.
+    assert [e.family for e in found.effects] in (["overflow"], ["overflow", "sensor_saturation"])
     assert found.effects[0].parameters["rim"].value == pytest.approx(12.0, abs=0.02)

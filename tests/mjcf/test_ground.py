@@ -68,8 +68,7 @@ def test_a_fit_through_landings_finds_what_the_ground_is_like(change, on, ratio,
     start, off = problem.windows.measured[:, 0], {}
     for candidate in (c for c in offers_of(question) if c.place.on in (FRICTION, SOLREF)):
         found = fit(problem, Hypothesis((candidate.term([1.1]),), (candidate.declared,)), start, rounds=12)
-        squares = (found.residuals[..., problem.observed] ** 2).mean(axis=(0, 1))
-        off[candidate.place.on] = np.log(squares).sum()
+        off[candidate.place.on] = np.log(found.residuals[..., problem.observed].std(axis=(0, 1))).sum()
         if candidate.place.on == on:
             assert found.hypothesis.theta[0] == pytest.approx(ratio, rel=0.05)
     assert min(off, key=off.get) == on
