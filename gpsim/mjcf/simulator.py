@@ -309,11 +309,11 @@ class MjcfSimulator(Simulator):
     def heights(self) -> tuple[int, ...]:
         """Columns of a state that lift what may stand on something."""
         model = self.body.model
-        up = np.asarray(model.opt.gravity) / (np.linalg.norm(model.opt.gravity) or 1.0)
-        axes = {name: model.jnt_axis[self.body.joint(name)] for name in self.floating}
-        slides = [c.name for c in self.coordinates if c.name in axes and abs(axes[c.name] @ up) > UPRIGHT]
-        free = [f"{joint}.{part}" for joint in self.body.names.free for part in LIFTING]
-        return tuple(self.state.index(name) for name in [*free, *slides]) if self._contacts else ()
+        lifts = np.abs(model.jnt_axis @ model.opt.gravity) > UPRIGHT * np.linalg.norm(model.opt.gravity)
+        lifts &= model.body_parentid[model.jnt_bodyid] == 0
+        found = [f"{free}.{part}" for free in self.body.names.free for part in LIFTING]
+        found += [c.name for c in self.coordinates if c.force_unit == "N" and lifts[self.body.joint(c.name)]]
+        return tuple(map(self.state.index, found)) if self._contacts else ()
 
     @property
     def floating(self) -> frozenset[str]:

@@ -70,5 +70,5 @@ def test_a_fit_through_landings_finds_what_the_ground_is_like(change, on, ratio,
         found = fit(problem, Hypothesis((candidate.term([1.1]),), (candidate.declared,)), start, rounds=12)
         off[candidate.place.on] = np.log(found.residuals[..., problem.observed].std(axis=(0, 1))).sum()
         if candidate.place.on == on:
-            assert found.hypothesis.theta[0] == pytest.approx(ratio, rel=0.05)
+            assert found.hypothesis.theta[0] == pytest.approx(ratio, rel=0.08)
     assert min(off, key=off.get) == on
