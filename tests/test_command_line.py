@@ -70,8 +70,7 @@ def test_what_was_meant_is_said(words, meant, tmp_path, monkeypatch, capsys):
     (tmp_path / "cart.csv").write_text("t\n0\n")
     code, _, err = said(monkeypatch, capsys, *words.format(tmp_path).split())
     assert code == 2
-    assert "did you mean" in err
-    assert f"{meant}?)" in err
+    assert f"{meant}?)" in err.partition("did you mean")[2]
 
 
 @pytest.mark.parametrize("words", ["diagnose -q nowhere", "-q diagnose nowhere", "diagnose nowhere --quiet"])

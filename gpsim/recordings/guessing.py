@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from gpsim.channels import Channel, Channels, FloatArray
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 from gpsim.recordings.raw import NamedLog, Topic
 from gpsim.recordings.values import one_line
 
@@ -177,9 +177,7 @@ def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
     found = _found(rest, topics)
     if found is None:
         names = [short(source, topics) for source in sources_of(topics)]
-        near = difflib.get_close_matches(rest, names, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        what = f"no column or topic '{one_line(rest, 40)}'{hint} There are: {listed(names)}"
+        what = f"no column or topic '{one_line(rest, 40)}'{near(rest, names)}; there are: {listed(names)}"
         if several := [s.typed for s in sources_of(topics) if rest in (s.field, s.topic)]:
             what = f"which of {', '.join(several[:_SHOWN])}?"
         raise UsageError(f"{channel}={one_line(text, 60)}: {what}")

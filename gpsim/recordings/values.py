@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import re
 import sys
 from collections import Counter
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 
 LONGEST = 200  # characters
 LONGEST_LINE = 1 << 18  # bytes of a line of a text table
@@ -164,9 +163,9 @@ def table(raw: object, where: str, known: Sequence[str]) -> Mapping[str, Any]:
         raise UsageError(f"{where}: expected keys and values, got {raw!r}; known keys are {', '.join(known)}")
     for key in raw:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise UsageError(f"{where}: unknown key '{key}'{hint} (known: {', '.join(known)})")
+            raise UsageError(
+                f"{where}: unknown key '{key}'{near(str(key), known)} (known: {', '.join(known)})"
+            )
     return raw
 
 

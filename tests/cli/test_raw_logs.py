@@ -215,7 +215,7 @@ def test_planned_tables_are_left_out(gpsim, stopped, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["theta=positoin"], "theta=positoin: no column or topic 'positoin'; did you mean position?"),
+        (["theta=positoin"], "theta=positoin: no column or topic 'positoin' (did you mean 'position'?)"),
         (["phi=position"], "phi=position: no channel of pendulum; there are: theta, theta_dot, torque"),
         (["theta=degg*position"], "'degg' is no factor; give a number, or one of mm, cm"),
         (["target=friction"], "target=friction: no channel of pendulum"),

@@ -31,7 +31,7 @@ def changed(path, value):
 @pytest.mark.parametrize(
     ("path", "value", "text"),
     [
-        (["rat"], 20, "unknown key 'rat'; did you mean rate"),
+        (["rat"], 20, "did you mean 'rate'"),
         (["rate"], None, "rate missing"),
         (["rate"], "fast", "expected a finite number"),
         (["rate"], -1, "rate must be positive"),
@@ -44,7 +44,7 @@ def changed(path, value):
         (["state", "yaw", "angle"], "heading", "not one of roll, pitch, yaw"),
         (["state", "v"], {"derivative_of": "z", "unit": "m/s"}, "no channel 'z'; there are: x, y, yaw"),
         (["clock"], {"stamps": "sent"}, "not one of auto, header, receive"),
-        (["clock"], {"offset": 1}, "did you mean offsets"),
+        (["clock"], {"offset": 1}, "did you mean 'offsets'"),
         (["velocities"], {"method": "savgol", "window": 8}, "odd window"),
         (["velocities"], {"sigma": 0}, "sigma must be positive"),
         (["episodes"], {"by": "flag"}, "needs episodes.field"),

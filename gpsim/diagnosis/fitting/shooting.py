@@ -272,15 +272,7 @@ class Shooting:
         gram = slopes.gram(damping)
         r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)
         step = np.linalg.solve(gram, slopes.by_start.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0]
-        starts = point.starts + step
-        residual, costs = self._left(point.hypothesis, starts)
-        better = costs < point.costs
-        moved = replace(
-            point,
-            starts=np.where(better[:, None], starts, point.starts),
-            residuals=np.where(better[:, None, None], residual, point.residuals),
-            costs=np.minimum(costs, point.costs),
-        )
+        moved, better = self._where_better(point, point.starts + step)
         return moved, np.where(better, np.maximum(damping / 5, 1e-9), np.minimum(damping * 10, 1e4))
 
     def _lifted(self, point: Fit) -> Fit:
@@ -289,15 +281,20 @@ class Shooting:
         for column, times in product(columns, LIFTS):
             starts = point.starts.copy()
             starts[:, column] += times * self.noise.white[column]
-            residual, costs = self._left(point.hypothesis, starts)
-            better = costs < point.costs
-            point = replace(
-                point,
-                starts=np.where(better[:, None], starts, point.starts),
-                residuals=np.where(better[:, None, None], residual, point.residuals),
-                costs=np.minimum(costs, point.costs),
-            )
+            point, _ = self._where_better(point, starts)
         return point
+
+    def _where_better(self, point: Fit, starts: FloatArray) -> tuple[Fit, BoolArray]:
+        """The point with other start states (W, S) in the windows that cost less with them; and which these are."""
+        residual, costs = self._left(point.hypothesis, starts)
+        better = costs < point.costs
+        moved = replace(
+            point,
+            starts=np.where(better[:, None], starts, point.starts),
+            residuals=np.where(better[:, None, None], residual, point.residuals),
+            costs=np.minimum(costs, point.costs),
+        )
+        return moved, better
 
     # Noise
 

@@ -106,9 +106,8 @@ def role_of(
     settings: VerdictSettings,
 ) -> Role:
     """By the rule above. left: of the mismatch; decided: blocks in which it decides; grows: see `_growth`."""
-    if (
-        grows >= settings.decides and decided >= settings.seldom and needed.share > 0.0
-    ):  # else all is no worse
+    needs = needed.share > 0.0  # else all of it is no worse without
+    if needs and grows >= settings.decides and decided >= settings.seldom:
         return "headline"
     surely = needed.share if needed.low is None else needed.low
     enough = surely > 0.0 and needed.share >= min(settings.needed, settings.of_left * left)

@@ -181,7 +181,9 @@ def horizon_of(question: Question) -> int:
     Of what stands hardly longer than between impacts: what begins alike comes down elsewhere, by whatever account.
     """
     settings, problem = question.run.settings, question.everything
-    if problem.simulator.heights and problem.windows.length < settings.windows.length:
+    if problem.simulator.heights and problem.simulator.stands(
+        problem.windows.measured[problem.windows.valid]
+    ):
         return BEYOND_IMPACTS * problem.windows.length
     usual = max(round(settings.rollouts.horizon / question.recording.dt), settings.windows.length)
     return min(usual, settings.rollouts.longest)
