@@ -177,7 +177,14 @@ def test_a_load_near_its_joint_is_told_by_its_first_moments(tmp_path):
     sized = said_of(question_of(tmp_path, viscous=VISCOUS, load=load))
     mass, x, _, z = sized.values["payload", "lower"]
     assert (mass * x, mass * z) == pytest.approx((0.03, -0.015), rel=0.05)
-    assert mass == pytest.approx(0.3, rel=0.2)  # its second moments, which are not asked, share with it
+    assert mass == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_load_that_servos_carry_is_told_with_its_place(tmp_path):
+    load = '<body pos="0.1 0 -0.3"><inertial pos="0 0 0" mass="0.3" diaginertia="1e-7 1e-7 1e-7"/></body>'
+    sized = said_of(question_of(tmp_path, SERVOS, viscous=VISCOUS, dry=(0.3, 0.15), load=load))
+    assert sized.values["payload", "lower"] == pytest.approx((0.3, 0.1, 0.0, -0.3), rel=0.05, abs=0.02)
+    check(sized, "coulomb_friction", (0.3, 0.15), 0.2)
 
 
 def test_a_joint_without_a_drive_is_as_good(tmp_path):

@@ -77,15 +77,17 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     best = trials.surest(fits := [forces.fitted() for forces in every])
     for joint in range(len(simulator.coordinates)):
         best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
-    best = trials.surest(fits := [fit.holding(best.held) for fit in fits])
+    best = plain = trials.surest(fits := [fit.holding(best.held) for fit in fits])
     for ratios in STIFFNESS if log.servos else ():
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
     if (late := best.forces.late()) > 0.0:
         best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
+    # A load in the place of a mass only where that is not enough; also of softer servos, which sag as much.
     begun = best
-    for kinds in (log.kinds, log.loads):  # a load in the place of a mass only where that is not enough
-        more = [begun.forces.fitted(begun.late, kind).holding(begun.held) for kind in kinds]
+    for kinds, places in ((log.kinds, [begun]), (log.loads, dict.fromkeys([begun, plain]))):
+        every_kind = [(fit, kind) for fit in places for kind in kinds]
+        more = [fit.forces.fitted(fit.late, kind).holding(fit.held) for fit, kind in every_kind]
         best = trials.better(best, more, SURELY)
     if best not in fits:
         best = trials.surest([best.again(forces) for forces in every])
@@ -140,7 +142,7 @@ class _Trials:
 class _Row:
     """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several.
 
-    moment: 1 to 3 where that is times its place along an axis of its body, as of a payload.
+    moment: 1 to 3 where that is times its place along an axis of its body, as of a payload; 4 to 6 times its square.
     """
 
     candidate: Candidate
@@ -153,11 +155,17 @@ class _Row:
         return MASS if self.candidate.place.on.endswith(MASS) else self.candidate.family
 
     @property
+    def order(self) -> int:
+        """Of its moment."""
+        return -(-self.moment // 3)
+
+    @property
     def bounds(self) -> tuple[float, float]:
         """Of its size."""
         p = self.candidate.declared[0]
         if self.moment:
-            return -p.high * self.candidate.place.reach, p.high * self.candidate.place.reach
+            far = p.high * self.candidate.place.reach**self.order
+            return (-far if self.order == 1 else 0.0), far
         return WIDEST if self.kind in OFF else (MOSTLY * p.low, p.high)
 
 
@@ -166,8 +174,8 @@ class _Log:
 
     at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets
     of joints whose position was measured; kinds: what else may be off, one at a time: all motors' gains, or a mass (of
-    servos neither: what they give has no other measure than bodies); dry: (C,) the model's own dry friction, left out
-    of it; pieces: episodes, moments (N,), positions (N, Q).
+    servos neither: what they give has no other measure than bodies); loads: what the last bodies may carry; dry: (C,)
+    the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
     """
 
     def __init__(self, problem: Problem, system: ClosedStep, recording: Recording, offers: Offers) -> None:
@@ -187,7 +195,7 @@ class _Log:
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
-        self.loads = [] if self.servos else [[_Row(c, -1, moment) for moment in range(4)] for c in loads]
+        self.loads = [[_Row(c, -1, moment) for moment in range(7)] for c in loads]
         self.kinds = [] if self.servos else [motors, *masses] if motors else masses
         if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
             self.kinds, self.loads = [motors] if motors else [], []
@@ -235,6 +243,7 @@ class _Forces:
         pushed = np.abs(self._heard(log.system.hindered(self.states).astype(np.float64))) > PUSHED
         self.counts = np.where(pushed, 0.0, np.where(moves, 1.0, STICKS))
         self.told, self._given = int((self.counts > 0).sum(axis=0).max()), dict[float, FloatArray]()
+        self._loads = dict[tuple[tuple[str, str], tuple[float, ...], float], FloatArray]()
 
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
@@ -295,15 +304,27 @@ class _Forces:
         return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
 
     def _of_load(self, row: _Row, late: float) -> FloatArray:
-        """(K, C): what a kilogram takes at the origin of a body's frame, or its odd part a metre along an axis.
+        """(K, C): what a kilogram takes at the origin of a body's frame; its odd and even part a metre along an axis.
 
         It is linear in the mass, its first and its second moments, of which only the first change sign with the place.
         """
-        some, reach = row.candidate.place.span, row.candidate.place.reach
-        at = reach * np.eye(4)[row.moment, 1:] * (row.moment > 0)
-        loads = [row.candidate.term((some, *place)) for place in ((at, -at) if row.moment else (at,))]
-        takes = [self._lacking(self.commands(late), load) + self.gives(late) for load in loads]
-        return np.asarray((takes[0] - takes[1]) / (2.0 * some * reach) if row.moment else takes[0] / some)
+        reach, at = row.candidate.place.reach, np.zeros(3)
+        middle = self._loaded(row.candidate, tuple(at), late)
+        if not row.moment:
+            return middle
+        at[(row.moment - 1) % 3] = reach
+        one, other = (self._loaded(row.candidate, tuple(place), late) for place in (at, -at))
+        odd, even = 0.5 * (one - other), 0.5 * (one + other) - middle
+        return np.asarray(odd / reach if row.order == 1 else even / reach**2)
+
+    def _loaded(self, load: Candidate, place: tuple[float, ...], late: float) -> FloatArray:
+        """(K, C): what a kilogram takes at a place of a body's frame."""
+        key = load.identity, place, late
+        if key not in self._loads:
+            some = load.place.span
+            takes = self._lacking(self.commands(late), load.term((some, *place)))
+            self._loads[key] = (takes + self.gives(late)) / some
+        return self._loads[key]
 
     def prior(self) -> FloatArray:
         """(R,) deviations of rows' sizes a priori."""
@@ -327,7 +348,7 @@ class _Forces:
         """Rows and what else may be off, by least squares."""
         further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
         a = np.concatenate([self.of_rows, *(self.of(row, late)[:, :, None] for row in further)], axis=2)
-        loads = [r.candidate.place.span * (r.candidate.place.reach if r.moment else 1.0) for r in further]
+        loads = [r.candidate.place.span * r.candidate.place.reach**r.order for r in further]
         off = [load if r.kind == LOAD else OFF[r.kind] for r, load in zip(further, loads, strict=True)]
         prior = np.array([*self.prior(), *off])
         rows = [*self.log.rows, *further]
@@ -387,7 +408,7 @@ class _Fit:
             )
             if row.kind == LATE:
                 out |= {c.identity: ((self.late,), (float(sd),)) for c in log.late}
-            elif row.moment and row.candidate.identity in out:  # over the mass, which comes first
+            elif row.order == 1 and row.candidate.identity in out:  # over the mass, which comes first
                 mass, sds = out[row.candidate.identity]
                 own, at = row.candidate.declared[row.moment], float(size) / max(mass[0], 1e-9)
                 far = float(np.hypot(sd, at * sds[0])) / max(mass[0], 1e-9)

@@ -74,7 +74,7 @@ class Payload(ModelEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Mass [kg], and where it sits in the body's frame: x, y, z [m]."""
-        span, wide, near = place.span, 2 * place.reach, 0.3 * place.reach
+        span, wide, near = place.span, 4 * place.reach, 0.3 * place.reach
         centre = place.centre or (0.0, 0.0, 0.0)
         return (
             EffectParameter("mass", "kg", 0.0, 20 * span, (0.2 * span,), 0.2 * span),
