@@ -80,7 +80,8 @@ def iterate(*, setup: Setup) -> None:
         made.append({"job": what, "folder": str(artifact.path.absolute()), "made": not existed})
 
     with single_progress("iterate") as progress:
-        artifact = iterating.run(setup.request(progress=progress), done)
+        launcher = launcher_of(setup.config, 0)
+        artifact = iterating.run(setup.request(), launcher, lambda job, *told: progress(*told), done)
     notes = iterating.lines(artifact)
     say_all(notes, "  ")
     answer({"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}, jobs=made, notes=notes)

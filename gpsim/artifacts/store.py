@@ -145,27 +145,6 @@ class Store:
                 path = _place(temporary, shelf, out, number, recipe.key)
         return read_manifest(path)
 
-    def adopt(self, folder: Path, made: Artifact, number: int | None = None) -> Artifact:
-        """Take in an artifact that was made on another machine and came back below `folder`, verified by its digest.
-
-        Where the same is here already, that one is kept. Raises UsageError for what is not the artifact `made`.
-        """
-        arrived = read_artifact(folder, made.stage)
-        if (arrived.digest, arrived.key) != (made.digest, made.key):
-            raise UsageError(f"{made.path}: came back otherwise than it was made; run again")
-        shelf = self.root / self.experiment / made.stage
-        with disk_errors(shelf):
-            _make_folder(shelf)
-            if (there := self._of_key(made.stage, made.key)) is not None:
-                return there
-            sweep(shelf)
-            with _temporary(shelf) as temporary:
-                shutil.copytree(folder, temporary, dirs_exist_ok=True)
-                for path in sorted(temporary.rglob("*")):
-                    _fsync(path)
-                _fsync(temporary)
-                return read_manifest(_place(temporary, shelf, None, number, made.key))
-
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""
         taken = {int(path.name[1:]) for path in self.versions(stage)}

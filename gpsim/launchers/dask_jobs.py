@@ -1,25 +1,19 @@
 """Tasks on a Dask scheduler: the client's side, and what runs on a worker.
 
-A task ends there in a report and never in an exception: Dask would pickle that, and log it with a traceback. Where no
-file system is shared, files travel with it: a tar archive and its SHA-256, never a pickle.
+A task ends there in a report and never in an exception: Dask would pickle that, and log it with a traceback. Artifacts
+lie on the file system that all share.
 """
 
 from __future__ import annotations
 
-import hashlib
-import io
 import logging
-import os
 import queue
 import socket
-import tarfile
-import tempfile
 import threading
 import time
 import traceback
 import uuid
-import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import ExitStack, chdir, contextmanager, suppress
 from dataclasses import dataclass
@@ -33,9 +27,8 @@ from distributed.scheduler import KilledWorker
 from distributed.utils import format_dashboard_link
 
 from gpsim.errors import UsageError
-from gpsim.files import disk_errors, files_below, tells_of_full_disk
-from gpsim.launchers.launcher import Dask, Slurm
-from gpsim.launchers.running import JobFailedError, LostSchedulerError, Outcome, Progress, Task, Update
+from gpsim.files import disk_errors, tells_of_full_disk
+from gpsim.launchers.running import Dask, JobFailedError, LostSchedulerError, Progress, Slurm, Task, Update
 from gpsim.launchers.slurm import LOOPBACK, Upkeep, check_keys, own_keys, slurm_workers
 from gpsim.trust import Lent, lent, take
 
@@ -76,15 +69,9 @@ class DaskWorkers:
         return AHEAD * self._threads + SPARE
 
     def sent(self, task: Task) -> Callable[[], Any]:
-        """With what it needs where no file system is shared."""
-        parcel = None
-        if not self._launcher.shared:
-            for folder in task.writes:
-                _check_inside(folder)
-            parcel = packed(task.needs())
+        """With the command's folder, and the code that it may run."""
         return partial(
-            carry_out,
-            Errand(task.label, task.work, str(Path.cwd()), self._mark, PATIENCE, lent(), parcel, task.writes),
+            carry_out, Errand(task.label, task.work, str(Path.cwd()), self._mark, PATIENCE, lent())
         )
 
     def look(self, unfinished: int) -> None:
@@ -99,24 +86,25 @@ class DaskWorkers:
             if self._upkeep.why is not None:
                 raise UsageError(self._upkeep.why)
 
-    def outcome(self, task: Task, done: Future[Any]) -> Outcome:
+    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
         """As its report says, or why there is none."""
-        error: Exception
         try:
-            return _outcome(task, done.result())
-        except CancelledError:
-            error = LostSchedulerError(f"the Dask scheduler forgot {task.label}; {AGAIN}")
+            report: Report = done.result()
+        except CancelledError as error:
+            raise LostSchedulerError(f"the Dask scheduler forgot {task.label}; {AGAIN}") from error
         except KilledWorker as killed:
             last = getattr(killed.last_worker, "address", killed.last_worker)
-            error = UsageError(
+            raise UsageError(
                 f"{task.label}: {DEATHS + 1} workers died of it, the last on {last} (out of memory?); give more "
                 f"launcher.memory, or fewer workers a machine, and {AGAIN}"
-            )
-        except UsageError:
-            raise
-        except Exception as other:
-            error = JobFailedError(f"{task.label}: {type(other).__name__}: {other}")
-        return Outcome(task.label, error=error)
+            ) from killed
+        except Exception as error:
+            raise JobFailedError(f"{task.label}: {type(error).__name__}: {error}") from error
+        if report.refusal is not None:
+            raise UsageError(f"{report.refusal} (on {report.node})")
+        if report.crash is not None:
+            raise JobFailedError(f"{task.label} failed on {report.node}:\n{report.crash}")
+        return report.result, report.node
 
     def leave(self) -> None:
         """Cancel what is under way: nobody waits for it."""
@@ -153,8 +141,6 @@ def dask_workers(launcher: Dask | Slurm, update: Update) -> Iterator[DaskWorkers
         "distributed.worker.memory.terminate": 0.95,
     }
     with dask.config.set(settings), ExitStack() as stack:
-        stack.enter_context(warnings.catch_warnings())
-        warnings.filterwarnings("ignore", "Sending large graph", UserWarning)  # that a parcel is large
         upkeep = None
         to: Any = launcher.address if isinstance(launcher, Dask) else None
         if isinstance(launcher, Slurm):
@@ -165,8 +151,7 @@ def dask_workers(launcher: Dask | Slurm, update: Update) -> Iterator[DaskWorkers
             check_keys(to)
         client = stack.enter_context(_connected(to))
         launcher.announce(f"Dask's dashboard: {_dashboard(client, launcher)}")
-        mark = stack.enter_context(_mark()) if launcher.shared else ""
-        workers = DaskWorkers(client, mark, launcher, update, upkeep)
+        workers = DaskWorkers(client, stack.enter_context(_mark()), launcher, update, upkeep)
         stack.callback(workers.leave)
         yield workers
 
@@ -220,64 +205,6 @@ def _mark() -> Iterator[str]:
         path.unlink(missing_ok=True)
 
 
-def _outcome(task: Task, report: Report) -> Outcome:
-    node, result = report.node, report.result
-    if report.refusal is not None:
-        return Outcome(task.label, error=UsageError(f"{report.refusal} (on {node})"), node=node)
-    if report.crash is not None:
-        said = f"{task.label} failed on {node}:\n{report.crash}"
-        return Outcome(task.label, error=JobFailedError(said), node=node)
-    if report.parcel is not None:
-        with tempfile.TemporaryDirectory(prefix="gpsim-back-") as folder:
-            unpacked(report.parcel, Path(folder))
-            result = task.keep(Path(folder), result)
-    return Outcome(task.label, result, node=node)
-
-
-@dataclass(frozen=True)
-class Parcel:
-    """An archive of files by their relative paths."""
-
-    content: bytes
-    sha256: str
-
-
-def packed(paths: Iterable[Path], without: Iterable[str] = ()) -> Parcel:
-    """The files at and below relative paths; hidden ones, as locks are, and those named in `without` stay.
-
-    Raises UsageError for a path that leads out of this folder: on another machine it would be another's.
-    """
-    files: dict[str, Path] = {}
-    for path in paths:
-        _check_inside(path)
-        found = files_below(path) if path.is_dir() else [path] if path.is_file() else []
-        files |= {p.as_posix(): p for p in found if not any(part.startswith(".") for part in p.parts)}
-    stream = io.BytesIO()
-    with tarfile.open(fileobj=stream, mode="w") as archive:
-        for name in sorted(files.keys() - set(without)):
-            archive.add(files[name], name, recursive=False)
-    content = stream.getvalue()
-    return Parcel(content, hashlib.sha256(content).hexdigest())
-
-
-def unpacked(parcel: Parcel, folder: Path) -> list[str]:
-    """Write a parcel's files below a folder; their names. Raises UsageError where it is not what was sent."""
-    if hashlib.sha256(parcel.content).hexdigest() != parcel.sha256:
-        raise UsageError(f"a parcel was damaged on its way; {AGAIN}")
-    with tarfile.open(fileobj=io.BytesIO(parcel.content)) as archive:
-        archive.extractall(folder, filter="data")
-        return archive.getnames()
-
-
-def _check_inside(path: Path) -> None:
-    """Raise UsageError for a path that is not below the folder in which the command was started."""
-    if path.is_absolute() or ".." in path.parts:
-        raise UsageError(
-            f"{path}: with launcher.shared=false everything lies below the folder where the command is started; give "
-            "a relative path, and start it further up"
-        )
-
-
 _ONE = threading.Lock()  # a worker with several threads has one current folder
 _seen: set[str] = set()
 _missed: set[str] = set()
@@ -288,8 +215,7 @@ class Errand:
     """A task as it travels.
 
     folder: where the command was started; mark: a file there, by which a worker sees that it is the same folder, if it
-    comes in sight within `patience` seconds; parcel: None where it is shared, else what the task reads; writes: below
-    what it writes; trusted: the code that the command may run.
+    comes in sight within `patience` seconds; trusted: the code that the command may run.
     """
 
     label: str
@@ -298,8 +224,6 @@ class Errand:
     mark: str
     patience: float
     trusted: Lent
-    parcel: Parcel | None = None
-    writes: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -310,20 +234,17 @@ class Report:
     result: Any = None
     refusal: str | None = None
     crash: str | None = None
-    parcel: Parcel | None = None
 
 
 def carry_out(errand: Errand) -> Report:
     """Run a task on this worker."""
-    node, back = socket.gethostname(), None
+    node = socket.gethostname()
     with _ONE:
         try:
             take(errand.trusted)
-            with _its_folder(errand) as known:
-                result = errand.work(_teller(errand.label, node))
-                if errand.parcel is not None:
-                    back = packed([f for f in errand.writes if os.path.lexists(f)], without=known)
-            return Report(node, result, parcel=back)
+            _check_shared(Path(errand.folder), errand.mark, errand.patience)
+            with chdir(errand.folder):
+                return Report(node, errand.work(_teller(errand.label, node)))
         except UsageError as error:
             return Report(node, refusal=str(error))
         except (Exception, SystemExit) as error:
@@ -346,20 +267,6 @@ def _teller(label: str, node: str) -> Progress:
     return tell
 
 
-@contextmanager
-def _its_folder(errand: Errand) -> Iterator[list[str]]:
-    """Within it the current folder is the command's or, where none is shared, one with what the task needs."""
-    with ExitStack() as stack:
-        folder, known = errand.folder, list[str]()
-        if errand.parcel is None:
-            _check_shared(Path(folder), errand.mark, errand.patience)
-        else:
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="gpsim-job-"))
-            known = unpacked(errand.parcel, Path(folder))
-        stack.enter_context(chdir(folder))
-        yield known
-
-
 def _check_shared(folder: Path, mark: str, patience: float) -> None:
     """Raise UsageError where this machine does not see the command's folder. It is waited for once a command."""
     until = time.monotonic() + (0.0 if mark in _missed else patience)
@@ -369,8 +276,7 @@ def _check_shared(folder: Path, mark: str, patience: float) -> None:
         elif time.monotonic() >= until:
             _missed.add(mark)
             raise UsageError(
-                f"{folder}: not the folder in which the command was started; give launcher.shared=false where there is "
-                "no shared file system"
+                f"{folder}: not the folder in which the command was started: workers need a file system that all share"
             )
         else:
             time.sleep(0.2)

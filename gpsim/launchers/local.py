@@ -1,4 +1,4 @@
-"""Tasks in processes of this machine, and the launcher's place for them."""
+"""Tasks in this process or in others of this machine, and the launcher's place for them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ import multiprocessing
 import os
 import queue
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, contextmanager, suppress
+from concurrent.futures import Executor, Future
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.queues import Queue
 from typing import Any
 
-from gpsim.launchers.launcher import Launcher, Local
-from gpsim.launchers.running import Outcome, Place, Progress, Task, Update, run_in
+from gpsim.launchers.running import Launcher, Local, Outcome, Place, Progress, Task, Update, run_in
 from gpsim.workers import WorkerPool, begin_worker, worker_pool
 
 Message = tuple[str, int, int, str]
@@ -34,7 +32,7 @@ def run_tasks(
 def _opened(launcher: Launcher, update: Update) -> AbstractContextManager[Place]:
     """The launcher's executor, while it is needed; all that it started ends with the block."""
     if isinstance(launcher, Local):
-        return _processes(launcher.processes, update)
+        return _processes(launcher.processes, update) if launcher.processes else nullcontext(_Here(update))
     from gpsim.launchers.dask_jobs import dask_workers  # Dask is no part of a plain installation
 
     return dask_workers(launcher, update)
@@ -63,14 +61,39 @@ class _Processes:
             while True:
                 self.update(*self.messages.get_nowait())
 
-    def outcome(self, task: Task, done: Future[Any]) -> Outcome:
-        """A process that died is no outcome: it breaks the pool, which says so."""
+    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
+        return done.result(), ""
+
+
+class _Here(Executor):
+    """One task after the other in this process: the place, and its own executor."""
+
+    def __init__(self, update: Update) -> None:
+        self._update = update
+
+    @property
+    def executor(self) -> Executor:
+        return self
+
+    def submit(self, job: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
         try:
-            return Outcome(task.label, done.result())
-        except BrokenProcessPool:
-            raise
-        except Exception as error:  # whatever it is, it is this task's
-            return Outcome(task.label, error=error)
+            done.set_result(job(*args, **kwargs))
+        except Exception as error:
+            done.set_exception(error)
+        return done
+
+    def room(self) -> int:
+        return 1
+
+    def sent(self, task: Task) -> Callable[[], Any]:
+        return partial(task.work, partial(self._update, task.label))
+
+    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
+        return done.result(), ""
+
+    def look(self, unfinished: int) -> None:
+        pass
 
 
 @contextmanager

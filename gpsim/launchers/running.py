@@ -1,18 +1,19 @@
-"""Every task as soon as what it waits for is done, in the order of the plan, on whichever executor."""
+"""Which executor, as the settings `launcher.*` say; every task on it as soon as what it waits for is done."""
 
 from __future__ import annotations
 
+import importlib.util
 import queue
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from graphlib import TopologicalSorter
 from heapq import heappop, heappush
-from pathlib import Path
 from typing import Any, Protocol
 
 from gpsim.errors import UsageError
+from gpsim.settings import build, choice
 
 MOMENT = 0.2  # s that one look for what has ended waits
 Progress = Callable[[int, int, str], None]
@@ -21,24 +22,100 @@ Update = Callable[[str, int, int, str], None]
 """update(label, done, total, note) of any task"""
 
 
+Announce = Callable[[str], None]
+"""announce(line): of where it runs, as the dashboard's link"""
+
+
+@dataclass(frozen=True)
+class Local:
+    """Processes of this machine; 0: this one, a task after the other."""
+
+    processes: int
+
+
+@dataclass(frozen=True)
+class Dask:
+    """A Dask scheduler.
+
+    address: of one that runs, as tcp://HOST:8786; None: one is started here. workers: how many processes then; None: as
+    many as `--jobs` says; dashboard: the address that its dashboard listens on. Its workers see this folder under the
+    same path.
+    """
+
+    address: str | None = None
+    workers: int | None = None
+    dashboard: str = "127.0.0.1"
+    announce: Announce = field(default=lambda line: None, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and self.workers < 1:
+            raise ValueError("workers: expected at least 1")
+
+
+@dataclass(frozen=True)
+class Slurm:
+    """Workers as SLURM jobs: as many as there is work for, from `minimum` to `maximum`.
+
+    conf/launcher/slurm.yaml says what each setting is.
+    """
+
+    queue: str | None
+    account: str | None
+    walltime: str
+    memory: str
+    cores: int
+    setup: tuple[str, ...]
+    directives: tuple[str, ...]
+    skip: tuple[str, ...]
+    minimum: int
+    maximum: int
+    interface: str | None
+    python: str | None
+    logs: str
+    dashboard: str = "127.0.0.1"
+    announce: Announce = field(default=lambda line: None, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.cores < 1:
+            raise ValueError("cores: expected at least 1")
+        if not 0 <= self.minimum <= self.maximum or self.maximum < 1:
+            raise ValueError("expected 0 <= minimum <= maximum, and a maximum of at least 1")
+
+
+Launcher = Local | Dask | Slurm
+NAMES = ("local", "dask", "slurm")
+
+
+def launcher_from(section: Mapping[str, Any], processes: int, announce: Announce) -> Launcher:
+    """The launcher that a configuration's `launcher` describes; raises UsageError.
+
+    processes: of this machine, where it is that.
+    """
+    name = choice(section.get("name"), NAMES, "launcher.name")
+    if name == "local":
+        return build(Local, section, "launcher", processes=processes)
+    needed = ("distributed", "dask_jobqueue", "cryptography")
+    if missing := [package for package in needed if importlib.util.find_spec(package) is None]:
+        raise UsageError(
+            f"launcher={name} needs {' and '.join(missing)}; install with: pip install 'gpsim[cluster]'"
+        )
+    if name == "slurm":
+        return build(Slurm, section, "launcher", announce=announce)
+    found = build(Dask, section, "launcher", announce=announce)
+    return found if found.workers is not None else replace(found, workers=max(processes, 1))
+
+
 @dataclass(frozen=True)
 class Task:
     """One independent piece of work, after the tasks labelled `after`.
 
     work(progress) runs elsewhere, so it is a module's function or a `partial` of one with plain arguments. It keeps
     what it finishes, and finds what is finished: a task whose worker is lost runs again.
-
-    The rest counts only where files travel: needs() are the files and folders that it reads, asked for when it is
-    handed out; writes: the folders below which it writes; keep(folder, result) puts what came back in `folder` in its
-    place, and gives the result as it is known here. All paths are relative to the folder of the command.
     """
 
     label: str
     work: Callable[[Progress], Any]
     after: tuple[str, ...] = ()
-    needs: Callable[[], Iterable[Path]] = tuple
-    writes: tuple[Path, ...] = ()
-    keep: Callable[[Path, Any], Any] = lambda folder, result: result
 
 
 @dataclass(frozen=True)
@@ -64,8 +141,8 @@ class Place(Protocol):
     def sent(self, task: Task) -> Callable[[], Any]:
         """What the executor runs for a task."""
 
-    def outcome(self, task: Task, done: Future[Any]) -> Outcome:
-        """How it ended."""
+    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
+        """What the task gave, and the machine, empty where it is this one; raises what it failed of."""
 
     def look(self, unfinished: int) -> None:
         """Called every moment: pass on what running tasks tell; raises where nothing can go on."""
@@ -110,7 +187,7 @@ def run_in(place: Place, tasks: Sequence[Task], keep_going: bool) -> Iterator[Ou
             future.add_done_callback(ended.put)
         done = list(_waited_for(ended)) if running else []
         place.look(unfinished)
-        outcomes = [place.outcome(running.pop(future), future) for future in done]
+        outcomes = [_outcome(place, running.pop(future), future) for future in done]
         for outcome in outcomes:  # a failure comes first, and nothing is begun behind it
             if outcome.error is not None and not keep_going:
                 raise outcome.error
@@ -119,6 +196,16 @@ def run_in(place: Place, tasks: Sequence[Task], keep_going: bool) -> Iterator[Ou
             unfinished -= 1
             order.done(outcome.label)
             yield outcome
+
+
+def _outcome(place: Place, task: Task, done: Future[Any]) -> Outcome:
+    try:
+        result, node = place.result(task, done)
+    except BrokenExecutor:  # a process that died is no outcome: its pool says what became of it
+        raise
+    except Exception as error:  # whatever it is, it is this task's
+        return Outcome(task.label, error=error)
+    return Outcome(task.label, result, node=node)
 
 
 def _waited_for(ended: queue.SimpleQueue[Future[Any]]) -> Iterator[Future[Any]]:

@@ -18,7 +18,7 @@ from distributed.utils import get_ip
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
-from gpsim.launchers.launcher import Slurm
+from gpsim.launchers.running import Slurm
 from gpsim.private import write_own
 
 _asked = signal.getsignal(signal.SIGINT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe
@@ -13,7 +14,7 @@ from gpsim.files import Json, write_json
 from gpsim.launchers import Launcher, Update
 from gpsim.recordings import is_bag_folder
 from gpsim.reports.fleet import Deviation, Robot, deviations, fleet_page, headline
-from gpsim.stages.diagnose import Task, read_diagnosis
+from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
 from gpsim.stages.jobs import Failed, Finished, Job, gathered
 from gpsim.stages.raw_logs import is_raw
 from gpsim.stages.stage import Request, stage_about
@@ -101,7 +102,9 @@ def run(
     for name, why in unread.items():
         failed(name, why)
     jobs = [
-        Job(name, "diagnose", alone, recorded=task) for name, task in tasks.items() if isinstance(task, Task)
+        Job(name, "diagnose", alone, made_by=partial(stage_for, task))
+        for name, task in tasks.items()
+        if isinstance(task, Task)
     ]
     made, errors = gathered(jobs, launcher, update, finished, failed)
     errors = unread | errors

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,27 +20,17 @@ from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import episode_returns, one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
+from gpsim.launchers import Launcher, Update
 from gpsim.recordings import Episode, read_recording, write_recording
 from gpsim.settings import positive
 from gpsim.simulators import Plant
-from gpsim.stages import (
-    build_residuals,
-    building,
-    certify,
-    collect,
-    fit_gp,
-    safety,
-    train_gp_policy,
-    train_source,
-)
-from gpsim.stages import diagnose_loop as diagnosing
+from gpsim.stages import build_residuals, building, certify, collect, safety, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, recording_of, target_plant
+from gpsim.stages.jobs import Finished, Job, run_jobs
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator, stage_about
 from gpsim.tasks import Start
 
-Told = Callable[[str, Artifact, bool], None]
-"""told(what, artifact, whether it existed)"""
 DRIVE, SWEEP, SUMMARY = "drive", "sweep", "iteration.json"
 
 
@@ -84,22 +75,25 @@ def check(request: Request) -> int:
     return rounds
 
 
-def run(request: Request, told: Told) -> Artifact:
+def run(request: Request, launcher: Launcher, update: Update, finished: Finished) -> Artifact:
     """Go on until a round gains no more than its standard error, or all rounds are done; the summary."""
     rounds = check(request)
-    policy = _made(train_source.STAGE, request.having(variant="source"), "policy 0", told)
+
+    def made(label: str, stage: str, of: Request, made_by: Callable[[], Stage] | None = None) -> Artifact:
+        return run_jobs([Job(label, stage, of, (), made_by)], launcher, update, finished)[label]
+
+    policy = made("policy 0", "train-source", request.having(variant="source"))
     best, kept, done = policy, _trial(request, policy), []
     parents: dict[str, Artifact] = {"policy-0": policy}
     done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
     recording: Artifact | None = None
     if request.config["collect"]["policy"] == SWEEP:  # whose commands stand for as long as processes may need
-        recording = parents["recording"] = _made(collect.STAGE, request, SWEEP, told)
+        recording = parents["recording"] = made(SWEEP, "collect", request)
     known: Plant | None = None
     stopped = f"all {rounds} rounds are done"
     for turn in range(rounds):
         before = {} if recording is None else {"before": recording}
-        drive = stage_about(DRIVE, _drive_recipe, _drive, {"policy": best, **before}, format=1)
-        recording = _made(drive, request, f"drive {turn}", told)
+        recording = made(f"drive {turn}", DRIVE, request, partial(_drive_stage, {"policy": best, **before}))
         parents[f"recording-{turn}"] = recording
         done[-1] = replace(
             done[-1],
@@ -107,7 +101,9 @@ def run(request: Request, told: Told) -> Artifact:
             transitions=read_recording(recording.path).transition_count,
         )
         asked = request.having(recording=str(recording.path))
-        policy, known = _refitted(asked, turn, told)
+        jobs = _refit(asked, turn)
+        policy = run_jobs(jobs, launcher, update, finished)[jobs[-1].label]
+        known = safety.predictor(jobs[-1].request)
         parents[f"policy-{turn + 1}"] = policy
         earned = _trial(request, policy)
         difference = earned - kept  # from the same starts
@@ -122,25 +118,22 @@ def run(request: Request, told: Told) -> Artifact:
                 f"round {turn + 1} gained {gain:.3g}, which is no more than its standard error of {error:.3g}"
             )
             break
-    return _made(_summary_stage(done, stopped, parents), request, "iterate", told)
+    return made("iterate", "iterate", request, partial(_summary_stage, done, stopped, parents))
 
 
-def _made(stage: Stage, request: Request, what: str, told: Told) -> Artifact:
-    artifact, existed = stage.make(request)
-    told(what, artifact, existed)
-    return artifact
-
-
-def _refitted(request: Request, turn: int, told: Told) -> tuple[Artifact, Plant]:
-    """The policy of what was recorded so far, and the simulator that it was trained in, by its mean."""
+def _refit(request: Request, turn: int) -> list[Job]:
+    """What makes a policy, the last of the jobs, of what was recorded so far."""
     if request.config["correction"] in (None, "gp"):
         request = request.having(correction="gp")
-        _made(build_residuals.STAGE, request, f"residuals {turn}", told)
-        _made(fit_gp.STAGE, request, f"fit {turn}", told)
+        residuals = Job(f"residuals {turn}", "build-residuals", request)
+        learnt = [residuals, Job(f"fit {turn}", "fit-gp", request, (residuals.label,))]
     else:
-        _made(diagnosing.STAGE, request, f"diagnosis {turn}", told)
-    policy = _made(train_gp_policy.STAGE, request, f"policy {turn + 1}", told)
-    return policy, safety.predictor(request)
+        learnt = [Job(f"diagnosis {turn}", "diagnose", request)]
+    return [*learnt, Job(f"policy {turn + 1}", "train-gp-policy", request, (learnt[-1].label,))]
+
+
+def _drive_stage(parents: Mapping[str, Artifact]) -> Stage:
+    return stage_about(DRIVE, _drive_recipe, _drive, parents, format=1)
 
 
 def _drive_recipe(request: Request, parents: Mapping[str, Artifact]) -> Recipe:

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
-from gpsim.files import file_digest, written_whole
 from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks
-from gpsim.simulators import source_file
-from gpsim.stages.diagnose import Task as Recorded
-from gpsim.stages.diagnose import stage_for
 from gpsim.stages.stage import Request, Stage, check_same_code, code_here, silent
 
 Finished = Callable[[str, Artifact, bool], None]
@@ -29,36 +23,24 @@ Result = TypeVar("Result")
 class Job:
     """One artifact to make: a stage's name and its request, after the jobs labelled `after`.
 
-    recorded: for a stage `diagnose`, the recording of the user's that it is about instead of the loop's own.
+    made_by: makes the stage where it is none of the loop's; it travels, so it is a function of a module or a `partial`
+    of one with plain arguments.
     """
 
     label: str
     stage: str
     request: Request
     after: tuple[str, ...] = ()
-    recorded: Recorded | None = None
+    made_by: Callable[[], Stage] | None = None
 
     @property
     def maker(self) -> Stage:
         """The stage itself."""
+        if self.made_by is not None:
+            return self.made_by()
         from gpsim.stages.registry import STAGES  # who diagnoses need not wait for what trains
 
-        return STAGES[self.stage] if self.recorded is None else stage_for(self.recorded)
-
-    def given(self) -> Iterator[Path]:
-        """Files and folders of the user's that it reads, beside what other jobs make."""
-        config = self.request.config
-        if self.recorded is not None:
-            named, simulator = [self.recorded.recording], self.recorded.simulator
-        else:
-            source, simulator = config["collect"]["source"], config["simulator"]["name"]
-            sources = source if isinstance(source, list) else [source]
-            named = [config["recording"], config["diagnosis"], *sources]
-        for name in (*named, source_file(str(simulator)) if simulator else None):
-            if name is not None:
-                path = Path(str(name))
-                whole = path.suffix == ".csv" and (path.parent / "recording.yaml").is_file()
-                yield path.parent if whole else path
+        return STAGES[self.stage]
 
 
 def run_jobs(
@@ -71,14 +53,14 @@ def run_jobs(
     that the same configuration gives the same folders.
     """
     made: dict[str, Artifact] = {}
-    behind = {job.label: job.after for job in jobs}
     tasks: list[Task] = []
     with listed_once():
         for job, request, existing in list(numbered(jobs)):
             if existing is not None:
                 made[job.label] = existing
             else:
-                tasks.append(_task(replace(job, request=request), behind, made))
+                work = partial(_work, replace(job, request=request), code_here())
+                tasks.append(Task(job.label, work, job.after))
     for label, artifact in made.items():
         finished(label, artifact, True)
     for outcome in run_tasks(launcher, tasks, update, keep_going=failed is not None):
@@ -124,29 +106,6 @@ def numbered(jobs: Sequence[Job]) -> Iterator[tuple[Job, Request, Artifact | Non
         yield job, request, existing
 
 
-def _task(job: Job, behind: dict[str, tuple[str, ...]], made: dict[str, Artifact]) -> Task:
-    """What runs elsewhere: the job with its request, whose settings and words are plain values."""
-
-    def needs() -> Iterable[Path]:
-        """Folders of all artifacts that the job rests on, however far back: a stage finds each by its recipe."""
-        found: dict[str, Path] = {}
-        ahead = list(job.after)
-        while ahead:
-            label = ahead.pop()
-            if label not in found and label in made:
-                found[label] = made[label].path
-                ahead += behind.get(label, ())
-        return [*found.values(), *job.given()]
-
-    def keep(folder: Path, result: tuple[Artifact, bool]) -> tuple[Artifact, bool]:
-        """Take in an artifact that was made where no file system is shared."""
-        artifact, existed = result
-        return job.request.store.adopt(folder / artifact.path, artifact, job.request.number), existed
-
-    root = Path(str(job.request.config["runs_dir"]))
-    return Task(job.label, partial(_work, job, code_here()), job.after, needs, (root,), keep)
-
-
 def _work(job: Job, code: str, progress: Progress) -> tuple[Artifact, bool]:
     check_same_code(code)
     return job.maker.make(replace(job.request, progress=progress))
@@ -160,35 +119,14 @@ def _in_a_line(error: Exception) -> str:
     return ": ".join([type(error).__name__, *ends])
 
 
-@dataclass(frozen=True)
-class Carried:
-    """What travels where no file system is shared: all trials write below `out`; needs(number): what one reads."""
-
-    out: Path
-    needs: Callable[[int], Iterable[Path]] = lambda number: ()
-
-
 def run_trials(
-    work: Callable[[int], Result],
-    numbers: Sequence[int],
-    launcher: Launcher,
-    progress: Progress,
-    carried: Carried | None = None,
+    work: Callable[[int], Result], numbers: Sequence[int], launcher: Launcher, progress: Progress
 ) -> Iterator[tuple[int, Result]]:
     """(number, work(number)) as they finish; `work` must be picklable and keep what it finishes."""
     by_label = {f"trial {number}": number for number in numbers}
     tasks = [Task(label, partial(_run, work, number, code_here())) for label, number in by_label.items()]
-    if carried is not None:
-        out, needs = carried.out, carried.needs
-        tasks = [
-            replace(task, needs=partial(needs, number), writes=(out,), keep=partial(_settled, out))
-            for task, number in zip(tasks, numbers, strict=True)
-        ]
-
-    def update(label: str, at: int, total: int, note: str) -> None:
-        """Trials tell nothing of themselves before they end."""
-
-    for done, outcome in enumerate(run_tasks(launcher, tasks, update), 1):
+    # Trials tell nothing of themselves before they end.
+    for done, outcome in enumerate(run_tasks(launcher, tasks, lambda *_: None), 1):
         yield by_label[outcome.label], outcome.result
         where = f" on {outcome.node}" if outcome.node else ""
         progress(done, len(numbers), f"{outcome.label}{where}")
@@ -197,19 +135,3 @@ def run_trials(
 def _run(work: Callable[[int], Result], number: int, code: str, progress: Progress) -> Result:
     check_same_code(code)
     return work(number)
-
-
-def _settled(out: Path, arrived: Path, result: Any) -> Any:
-    """Put what came back below `arrived`/OUT in its place, OUT/KIND/NAME, each such file or folder whole."""
-    for unit in sorted((arrived / out).glob("*/*")):
-        target = out / unit.relative_to(arrived / out)
-        if unit.is_file() and target.is_file() and file_digest(unit) == file_digest(target):
-            continue
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(target) as made:
-            if unit.is_dir():
-                shutil.copytree(unit, made)
-                shutil.rmtree(target, ignore_errors=True)
-            else:
-                shutil.copyfile(unit, made)
-    return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
@@ -15,7 +15,7 @@ from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, read_object, write_json, written_whole
 from gpsim.launchers import Launcher, Progress
 from gpsim.reports.prove_page import miss_rows, page, record
-from gpsim.stages.jobs import Carried, run_trials
+from gpsim.stages.jobs import run_trials
 from gpsim.trials.blinding import (
     ANSWER,
     DIAGNOSES,
@@ -40,7 +40,6 @@ from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
-KEPT = ("scores", "equivalents")  # folders of what a reveal keeps of each trial
 OPTION = "--out"  # names another place, where this one cannot be written
 MJCF = "mjcf"
 """What --system asks for."""
@@ -120,10 +119,7 @@ def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, pr
     with disk_errors(out, OPTION):
         _remember(out, seed)
         (out / PUBLIC).mkdir(parents=True, exist_ok=True)
-        work = partial(write_trial, out, seed)
-        # What there is already of a world that is to be concealed travels with it.
-        carried = Carried(out, lambda number: [out / half / trial_name(number) for half in (PUBLIC, PRIVATE)])
-        digests = dict(run_trials(work, numbers, launcher, progress, carried))
+        digests = dict(run_trials(partial(write_trial, out, seed), numbers, launcher, progress))
         publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
     return out
 
@@ -133,8 +129,7 @@ def diagnose(out: Path, launcher: Launcher, progress: Progress) -> int:
     with disk_errors(out, OPTION):
         names = {int(name): name for name in sorted(published(out))}
         ahead = [number for number, name in names.items() if not (out / DIAGNOSES / name / OUTCOME).is_file()]
-        carried = Carried(out, partial(_public, out))
-        for _ in run_trials(partial(_diagnose_one, out), ahead, launcher, progress, carried):
+        for _ in run_trials(partial(_diagnose_one, out), ahead, launcher, progress):
             pass
     return len(names)
 
@@ -151,16 +146,8 @@ def _reveal(out: Path, answers: Path | None, launcher: Launcher, progress: Progr
     if not names:
         raise UsageError(f"{out}: no diagnoses to score; make them with: gpsim prove diagnose --out {out}")
     where = answers or out / PRIVATE
-    numbers = [int(name) for name in names]
-
-    def needs(number: int) -> Iterable[Path]:
-        """What a score rests on, and what is kept of an earlier one."""
-        name = trial_name(number)
-        kept = (path for kind in KEPT for path in (out / kind).glob(f"{name}*"))
-        return *_public(out, number), where / name, out / DIAGNOSES / name, *kept
-
-    work = partial(_score_one, out, where)
-    scores = [s for _, s in run_trials(work, numbers, launcher, progress, Carried(out, needs))]
+    work, numbers = partial(_score_one, out, where), [int(name) for name in names]
+    scores = [s for _, s in run_trials(work, numbers, launcher, progress)]
     scores.sort(key=lambda s: str(s["trial"]))
     undiagnosed = sorted(set(published(out)) - set(names))
     config = where / CONFIG
@@ -202,11 +189,6 @@ def _diagnose_one(out: Path, number: int) -> float:
 
 def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
     return score_trial(out, answers, trial_name(number))
-
-
-def _public(out: Path, number: int) -> Iterable[Path]:
-    """What a blind diagnosis may see, and the hashes that it puts on record."""
-    return out / PUBLIC / trial_name(number), out / PUBLIC / HASHES
 
 
 def _remember(out: Path, seed: int) -> None:

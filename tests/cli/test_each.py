@@ -40,7 +40,7 @@ def instant(monkeypatch):
         made = {}
         for job in jobs:
             name = Path(job.label).stem
-            seen[job.label] = job.recorded
+            seen[job.label] = job.made_by.args[0]
             if name not in SIZES:
                 failed(job.label, "nothing moves in it")
                 continue

@@ -36,9 +36,9 @@ def silent(*_):
     pass
 
 
-def run(address, tasks, update=silent, shared=True, **more):
+def run(address, tasks, update=silent, **more):
     said = []
-    launcher = Dask(address, shared=shared, announce=said.append)
+    launcher = Dask(address, announce=said.append)
     found = {o.label: o for o in run_tasks(launcher, tasks, update, **more)}
     assert "http://" in said[0]
     return found
@@ -102,7 +102,7 @@ def test_a_folder_that_workers_do_not_see_is_refused():
     from gpsim.trust import lent
 
     report = carry_out(Errand("t", partial(doubled, 1), "/nowhere/at/all", "no-such-mark", 0.0, lent()))
-    assert "launcher.shared=false" in report.refusal
+    assert "workers need a file system that all share" in report.refusal
 
 
 def listening(process):
@@ -171,10 +171,9 @@ def sweep(launcher):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shared", [True, False])
-def test_artifacts_are_the_same_bytes_and_none_is_made_twice(address, tmp_path, monkeypatch, tree, shared):
+def test_artifacts_are_the_same_bytes_and_none_is_made_twice(address, tmp_path, monkeypatch, tree):
     homes = {name: tmp_path / name for name in ("here", "there")}
-    for name, launcher in (("here", Local(1)), ("there", Dask(address, shared=shared))):
+    for name, launcher in (("here", Local(1)), ("there", Dask(address))):
         homes[name].mkdir()
         monkeypatch.chdir(homes[name])
         artifact, made = sweep(launcher)
@@ -183,49 +182,6 @@ def test_artifacts_are_the_same_bytes_and_none_is_made_twice(address, tmp_path, 
         assert (again, kept) == (artifact, [True] * 3)
     assert tree(homes["here"]) == tree(homes["there"])
     assert len(tree(homes["there"])) > 6
-
-
-def test_without_a_shared_file_system_nothing_outside_the_folder_is_written(address, tmp_path, monkeypatch):
-    monkeypatch.setattr("test_dask.POINTS", [*POINTS, f"runs_dir={tmp_path / 'elsewhere'}"])
-    with pytest.raises(UsageError, match="below the folder where the command is started"):
-        sweep(Dask(address, shared=False))
-    assert not (tmp_path / "elsewhere").exists()
-
-
-def written(out, number):
-    for kind, name in (("public", f"{number:04}/a"), ("scores", f"{number:04}.json")):
-        path = out / kind / name
-        path.parent.mkdir(parents=True)
-        path.write_text(str(number))
-    return number
-
-
-def test_what_trials_wrote_elsewhere_is_put_in_its_place_whole(address):
-    from gpsim.stages.jobs import Carried, run_trials
-
-    out = Path("proof")
-    old = out / "public/0001"
-    old.mkdir(parents=True)
-    (old / "left").write_text("of a half")
-    assert list(
-        run_trials(partial(written, out), [1], Dask(address, shared=False), silent, Carried(out))
-    ) == [(1, 1)]
-    files = sorted(p.as_posix() for p in out.rglob("*") if p.is_file())
-    assert files == ["proof/public/0001/a", "proof/scores/0001.json"]
-
-
-def test_a_parcel_holds_files_by_their_relative_path_and_is_checked(tmp_path):
-    from gpsim.launchers.dask_jobs import Parcel, packed, unpacked
-
-    Path("in/deep").mkdir(parents=True)
-    Path("in/deep/a.txt").write_text("a")
-    Path("in/.lock").write_text("x")
-    parcel = packed([Path("in"), Path("absent")])
-    assert unpacked(parcel, tmp_path / "out") == ["in/deep/a.txt"]
-    assert packed([Path("in")]) == parcel  # the same files, the same bytes
-    assert packed([Path("in")], without=["in/deep/a.txt"]).content != parcel.content
-    with pytest.raises(UsageError, match="damaged on its way"):
-        unpacked(Parcel(parcel.content[:-1] + b"!", parcel.sha256), tmp_path / "other")
 
 
 def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
@@ -251,21 +207,6 @@ def test_a_scheduler_without_workers_is_told_of_and_waited_for(monkeypatch):
         assert outcome.result == 4
         address = cluster.scheduler_address
     assert said[1].startswith(f"waiting: {address} has no workers; start some with: dask worker {address}")
-
-
-def test_what_came_back_otherwise_than_it_was_made_is_refused(tmp_path):
-    from gpsim.artifacts import Recipe, Store
-
-    made = Store(tmp_path / "there", "x").publish(
-        Recipe("s", {}, {}, {}), lambda f: (f / "a").write_text("1") and None
-    )
-    here = Store(tmp_path / "here", "x")
-    assert here.adopt(made.path, made).digest == made.digest
-    assert here.adopt(made.path, made).path.name == "v0001"  # it is there already
-    (made.path / "a").write_text("2")
-    with pytest.raises(UsageError, match="changed after it was written"):
-        Store(tmp_path / "elsewhere", "x").adopt(made.path, made)
-    assert not (tmp_path / "elsewhere").exists()
 
 
 def test_ctrl_c_stays_what_it_was():

@@ -9,6 +9,7 @@ from gpsim.cli.configuration import resolve
 
 from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
+from gpsim.launchers import Local
 from gpsim.recordings import read_recording
 from gpsim.stages import iterate
 from gpsim.stages.stage import Request
@@ -23,7 +24,9 @@ def request(tmp_path, *words):
 
 def run(asked):
     said: list[tuple[str, bool]] = []
-    artifact = iterate.run(asked, lambda what, made, existed: said.append((what, existed)))
+    artifact = iterate.run(
+        asked, Local(0), lambda *_: None, lambda what, made, existed: said.append((what, existed))
+    )
     return artifact, said
 
 

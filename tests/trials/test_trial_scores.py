@@ -89,7 +89,7 @@ def fits(monkeypatch):
     return asked
 
 
-def run_here(work, numbers, launcher, progress, carried=None):
+def run_here(work, numbers, launcher, progress):
     return [(number, work(number)) for number in numbers]
 
 
