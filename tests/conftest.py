@@ -70,7 +70,7 @@ def own_files() -> Iterator[None]:
 
 
 def _tree(folder: Path) -> dict[str, str]:
-    from gpsim.artifacts.artifact import (  # after the number of threads is set
+    from gpsim.artifacts import (  # after the number of threads is set
         MANIFEST,
         TIMINGS,
         folder_digests,

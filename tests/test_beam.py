@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsim.policies.beam import Beam, BeamSearch
+from gpsim.policies import Beam, BeamSearch
 
 CELLS = np.array([0.1, 0.5])
 

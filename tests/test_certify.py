@@ -3,10 +3,9 @@
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.environments.envs import Episodes
-from gpsim.policies.beam import balance_search
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.environments import Episodes
+from gpsim.policies import balance_search
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages import certify
 from gpsim.stages.stage import Request
 from gpsim.targets import FrictionCartPole

@@ -161,8 +161,8 @@ def test_the_shown_configuration_is_the_resolved_one():
 
 
 OWN = """
-from gpsim.simulators.cartpole import CartPole
-from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators import CartPole
+from gpsim.simulators import Unicycle
 
 class Same(CartPole):
     pass

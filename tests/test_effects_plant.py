@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected import EffectsPlant, ages_of, describe, plant_from
 from gpsim.effects import Gate, Term
-from gpsim.environments.envs import BatchedEnv, Episodes
+from gpsim.environments import BatchedEnv, Episodes
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 from gpsim.tasks import Balance

@@ -4,10 +4,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.targets import FrictionCartPole
 from gpsim.tasks import Balance, GoalReaching
 

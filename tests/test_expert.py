@@ -7,17 +7,15 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.policies.beam import BeamSearch, balance_search
+from gpsim.policies import BeamSearch, Policy, balance_search
 from gpsim.policies.expert import FAILS, NEARNESS, Expert, Visited
-from gpsim.policies.policy import Policy
 from gpsim.policies.training import expert_iteration
 from gpsim.policies.training.expert_iteration import improved
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages.stage import Request
 from gpsim.stages.train_source import settings_for
 from gpsim.targets import FrictionCartPole

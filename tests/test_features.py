@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsim.channels import Channels
-from gpsim.corrected.features import Feature, Features
+from gpsim.corrected import Feature, Features
 from gpsim.errors import UsageError
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad"})

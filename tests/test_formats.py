@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from gpsim.corrected.effects_plant import EffectsPlant, describe
+from gpsim.corrected import EffectsPlant, describe
 from gpsim.diagnosis import SCHEMA
-from gpsim.policies.policy import Policy
+from gpsim.policies import Policy
 from gpsim.simulators import make_simulator
 
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection
+from gpsim.corrected import CorrectedPlant, Features, GpCorrection
 from gpsim.errors import UsageError
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.simulators import make_simulator

@@ -12,12 +12,11 @@ from stable_baselines3.common.logger import KVWriter, Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import nn
 
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 from gpsim.policies.training import ppo
 from gpsim.policies.training.lean_ppo import ADAM_EPSILON, Batch, Network, limit_norm, write_gradients
 from gpsim.policies.training.settings import PpoSettings
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.tasks import Balance
 
 CARTPOLE = make_simulator("cartpole")

@@ -16,7 +16,7 @@ from made_diagnoses import made_diagnosis, made_location
 from rich.console import Console
 
 from gpsim.channels import Channels, columns_beside
-from gpsim.corrected.features import Feature, Features
+from gpsim.corrected import Feature, Features
 from gpsim.diagnosis.assessment import location as locating
 from gpsim.diagnosis.assessment.location import concentrated
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis

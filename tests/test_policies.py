@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.policies.policy import Policy
+from gpsim.policies import Policy
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.tasks import Balance
 
 CARTPOLE = make_simulator("cartpole")

@@ -6,15 +6,15 @@ import pytest
 from gpsim.corrected import (
     Drawable,
     EffectsPlant,
+    Features,
     FunctionCorrection,
     PosteriorPlant,
     Size,
     Spread,
+    value_key,
 )
-from gpsim.corrected.effects_plant import value_key
-from gpsim.corrected.features import Features
 from gpsim.effects import Term
-from gpsim.environments.envs import Episodes
+from gpsim.environments import Episodes
 from gpsim.gp import DrawnFunctions, FitSettings, Predictor, fit_outputs
 from gpsim.simulators import make_simulator
 from gpsim.tasks import Balance

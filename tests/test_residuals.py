@@ -7,10 +7,10 @@ import pytest
 
 from gpsim import load_simulator
 from gpsim.channels import Channels, wrap_angle
-from gpsim.environments.collect import collect_episodes, dithered_actor, random_actor
+from gpsim.environments import collect_episodes, dithered_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
-from gpsim.residuals.residuals import build_residuals, from_table, to_table
+from gpsim.residuals import build_residuals, from_table, to_table
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole
 from gpsim.targets.cartpole import cart_pole_accelerations

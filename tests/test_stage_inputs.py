@@ -11,7 +11,7 @@ from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis, made_remainder
 
 from gpsim.artifacts import Artifact, Recipe, Store
-from gpsim.corrected.effects_plant import EffectsPlant, describe
+from gpsim.corrected import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.findings import RemainderGp

@@ -4,16 +4,16 @@ from gpsim.artifacts.artifact import (
     MANIFEST,
     TIMINGS,
     Artifact,
+    Mishaps,
     Recipe,
     folder_digests,
     read_artifact,
     read_manifest,
     read_timings,
+    read_warnings,
 )
-from gpsim.artifacts.keys import VERSION, listed_once
 from gpsim.artifacts.locks import Leftover, erase, held, hide, leftovers, needed, sweep_all, unneeded
-from gpsim.artifacts.mishaps import Mishaps, read_warnings
-from gpsim.artifacts.store import SCHEMA, Store, git_commit, package_versions
+from gpsim.artifacts.store import SCHEMA, VERSION, Store, git_commit, listed_once, package_versions
 
 __all__ = [
     "MANIFEST",

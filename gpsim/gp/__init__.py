@@ -9,11 +9,10 @@ if TYPE_CHECKING:
     from gpsim.gp.chained import ChainedPredictor, ChainSettings, fit_chain
     from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, log_marginal_likelihood
     from gpsim.gp.fit_report import FitOutcome, FitReport
-    from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
+    from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, first_start, fit, fit_outputs
     from gpsim.gp.functions import DrawnFunctions
     from gpsim.gp.kernels import Bounds, HyperParameters, Interval, covariance
     from gpsim.gp.predictor import Predictor
-    from gpsim.gp.starts import first_start
     from gpsim.gp.training_data import MOST_ROWS, Standardisation, TooManyRowsError, TrainingData
 else:
     __getattr__ = opened(__name__)

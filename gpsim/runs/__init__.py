@@ -1,8 +1,7 @@
 """What is in runs/: every artifact, what rests on what, how two differ, and what may go."""
 
 from gpsim.runs.catalogue import Catalogue, Entry, entry_at, read_catalogue, size_of
-from gpsim.runs.comparison import ABSENT, Difference, Making, compared, nearest
-from gpsim.runs.figures import figures_of
+from gpsim.runs.comparison import ABSENT, Difference, Making, compared, figures_of, nearest
 from gpsim.runs.lineage import (
     Removal,
     children,

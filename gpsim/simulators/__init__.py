@@ -1,14 +1,9 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
-from gpsim.simulators.ackermann import Ackermann
 from gpsim.simulators.calls import asked, read_only, refuse_complex, said
-from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.own import lives_here, own_simulator
-from gpsim.simulators.pendulum import Pendulum
 from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
 from gpsim.simulators.reduced import Whole, reduced, whole
-from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
-from gpsim.simulators.servo_joint import ServoJoint
 from gpsim.simulators.simulator import (
     INTEGRATORS,
     Coordinate,
@@ -19,8 +14,17 @@ from gpsim.simulators.simulator import (
     RateFunction,
     Simulator,
 )
-from gpsim.simulators.slider import Slider
-from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators.systems import (
+    SIMULATORS,
+    Ackermann,
+    CartPole,
+    Pendulum,
+    ServoJoint,
+    Slider,
+    Unicycle,
+    make_simulator,
+    source_file,
+)
 from gpsim.simulators.user import module_of
 from gpsim.simulators.wrapping import unwrapped, wrapping
 

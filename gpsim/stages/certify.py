@@ -15,7 +15,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import PosteriorPlant
 from gpsim.environments import policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import Trips, behind, episode_returns, mean_and_worst, take_trips, turning
+from gpsim.evaluation import Trips, behind, episode_returns, mean_and_worst, solvable, take_trips
 from gpsim.files import Json
 from gpsim.gymtasks import GymTask
 from gpsim.policies import balance_search
@@ -78,7 +78,7 @@ def _by_geometry(request: Request, task: GoalReaching, start: Start, floor: floa
         raise UsageError("certify: only target=limo has a turning radius to search paths with")
     speed = min(task.speed[1], task.turn[1] * target.turning_radius)
     longest = speed * target.dt * task.max_steps
-    return turning.solvable(start.states, start.context, target.turning_radius, floor / 2.0, longest)
+    return solvable(start.states, start.context, target.turning_radius, floor / 2.0, longest)
 
 
 def _write_table(

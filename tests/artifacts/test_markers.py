@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts import Recipe, Store, keys
+from gpsim.artifacts import Recipe, Store
+from gpsim.artifacts import store as keeping
 
 
 def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_path, monkeypatch):
@@ -17,8 +18,8 @@ def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_pa
     paths = [made(n).path for n in range(4)]
     assert store.find(Recipe("s", {"n": 8}, {}, {})) is None
     read = []
-    whole = keys.read_manifest
-    monkeypatch.setattr(keys, "read_manifest", lambda path: read.append(path) or whole(path))
+    whole = keeping.read_manifest
+    monkeypatch.setattr(keeping, "read_manifest", lambda path: read.append(path) or whole(path))
     assert store.find(Recipe("s", {"n": 0}, {}, {})).path == paths[0]
     assert store.find(Recipe("s", {"n": 9}, {}, {})) is None
     assert read == []

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from gpsim.cli.main import main
 
-from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, Store, read_artifact
-from gpsim.artifacts.artifact import read_timings
+from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, Store, read_artifact, read_timings
 from gpsim.errors import UsageError
 from gpsim.files import canonical, read_object
 from gpsim.policies import Policy

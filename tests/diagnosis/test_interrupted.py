@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpsim.artifacts.artifact import folder_digests, read_artifact
+from gpsim.artifacts import folder_digests, read_artifact
 from gpsim.recordings.files import write_recording
 
 from .worlds import World, record

@@ -8,8 +8,7 @@ from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.location import _concentrated, depends_on, most_telling
 from gpsim.diagnosis.run import Run
 from gpsim.findings import StepErrors
-from gpsim.simulators import make_simulator
-from gpsim.simulators.wrapping import wrapping
+from gpsim.simulators import make_simulator, wrapping
 
 RNG = np.random.default_rng(0)
 INPUTS = RNG.normal(size=(4000, 5))  # x, x_dot, theta, theta_dot, force

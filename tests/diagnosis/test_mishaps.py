@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from gpsim.cli.main import main
 
-from gpsim.artifacts.artifact import read_artifact
-from gpsim.artifacts.mishaps import Mishaps, read_warnings
+from gpsim.artifacts import Mishaps, read_artifact, read_warnings
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.judging import attribute

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.corrected.effects_plant import EffectsPlant
+from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _moves, _windows
 from gpsim.diagnosis.data.clock import rebased, thinned
 from gpsim.diagnosis.data.windows import cut, held_out_mask

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import difference
-from gpsim.corrected.effects_plant import EffectsPlant
+from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.assessment.scoring import replayed
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from made_diagnoses import made_diagnosis, made_effect, made_location, made_remainder
 
-from gpsim.artifacts.artifact import Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Recipe, Store
 from gpsim.diagnosis import SCHEMA, Diagnosis, schema
 from gpsim.errors import UsageError
 from gpsim.findings import Discrimination, Estimate, NoGp, Ratio, RemainderGp, StepErrors

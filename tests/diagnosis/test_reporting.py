@@ -7,7 +7,7 @@ import pytest
 from gpsim.findings import OverBefore, Ratio, StepErrors
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports import diagnosis_page
-from gpsim.residuals.split import held_out_names
+from gpsim.residuals import held_out_names
 
 from .worlds import World, record
 

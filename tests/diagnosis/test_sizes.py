@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channel, Channels
-from gpsim.corrected.features import Features
+from gpsim.corrected import Features
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.setup.offers import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Place, effect_of
-from gpsim.simulators import make_simulator
-from gpsim.simulators.simulator import Parameter
+from gpsim.simulators import Parameter, make_simulator
 
 from .truths import delayed
 from .worlds import World, record

@@ -19,8 +19,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import to_frame, write_recording
 from gpsim.reports.diagnosis_text import where
-from gpsim.residuals.checks import check_rates
-from gpsim.residuals.residuals import build_residuals
+from gpsim.residuals import build_residuals, check_rates
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected
 from gpsim.trust import trusting

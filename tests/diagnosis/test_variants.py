@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.environments.collect import collect_episodes
+from gpsim.environments import collect_episodes
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole

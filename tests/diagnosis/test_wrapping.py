@@ -8,7 +8,7 @@ import numpy as np
 
 from gpsim import load_simulator
 from gpsim.channels import Channels, wrap_angle
-from gpsim.corrected.effects_plant import EffectsPlant, plant_from
+from gpsim.corrected import EffectsPlant, plant_from
 from gpsim.diagnosis.assessment.remainder_gp import _features
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import predicted

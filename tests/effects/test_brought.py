@@ -9,7 +9,7 @@ import pytest
 
 import gpsim.effects
 from gpsim import trust
-from gpsim.corrected.effects_plant import EffectsPlant, describe, plant_from
+from gpsim.corrected import EffectsPlant, describe, plant_from
 from gpsim.effects import (
     CATALOGUE,
     FAMILIES,

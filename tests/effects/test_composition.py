@@ -8,10 +8,8 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.effects import Chain, Gate, Term
-from gpsim.simulators import make_simulator
-from gpsim.simulators.planar import PlanarVehicle
-from gpsim.simulators.simulator import Coordinate
-from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators import Coordinate, make_simulator
+from gpsim.simulators.systems import PlanarVehicle, Unicycle
 
 
 def run(simulator, terms, state, action, h, seconds, parameters=None):

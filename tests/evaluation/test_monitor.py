@@ -12,8 +12,16 @@ from gpsim.artifacts import Recipe, Store
 from gpsim.corrected import EffectsPlant, describe
 from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.evaluation.monitor import Monitor, MonitorSettings, Usual, usual_errors
-from gpsim.evaluation.safe_drive import NEVER, ChangingPlant, Limits, drive
+from gpsim.evaluation import (
+    NEVER,
+    ChangingPlant,
+    Limits,
+    Monitor,
+    MonitorSettings,
+    Usual,
+    drive,
+    usual_errors,
+)
 from gpsim.files import write_json
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording

@@ -5,12 +5,10 @@ import pytest
 
 from gpsim.channels import Channels, wrap_angle
 from gpsim.errors import UsageError
-from gpsim.evaluation.replay import WARM_UP, replay, windows_of
-from gpsim.evaluation.rollout import compare
+from gpsim.evaluation import WARM_UP, compare, replay, windows_of
 from gpsim.recordings import Episode
-from gpsim.residuals.residuals import either_wraps
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.residuals import either_wraps
+from gpsim.simulators import SimulatorPlant, make_simulator
 
 PENDULUM = make_simulator("pendulum")
 PLANT = SimulatorPlant(PENDULUM, PENDULUM.defaults(), "rk4", 0.05)

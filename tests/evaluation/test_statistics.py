@@ -7,14 +7,18 @@ import pytest
 from scipy import stats
 
 from gpsim.channels import Channels
-from gpsim.evaluation.one_step import OneStep, outside_range
-from gpsim.evaluation.returns import summarise
-from gpsim.evaluation.rollout import bands, compare, divergence, roll_out
-from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean, nrmse, r2
-from gpsim.evaluation.summary import start_sets, summarise_seeds
+from gpsim.evaluation.predictions import OneStep, bands, compare, divergence, outside_range, roll_out
+from gpsim.evaluation.returns import (
+    bootstrap_interval,
+    interquartile_mean,
+    nrmse,
+    r2,
+    start_sets,
+    summarise,
+    summarise_seeds,
+)
 from gpsim.files import plain
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 
 CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)

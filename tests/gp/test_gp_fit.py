@@ -16,13 +16,13 @@ from gpsim.gp import (
     HyperParameters,
     Interval,
     Predictor,
+    covariance,
     fit,
     fit_outputs,
     log_marginal_likelihood,
     to_arrays,
 )
 from gpsim.gp.exact import Likelihood
-from gpsim.gp.kernels import covariance
 
 ONE_START = FitSettings(restarts=0)
 

@@ -18,10 +18,10 @@ from gpsim.gp import (
     Standardisation,
     TrainingData,
     condition,
+    covariance,
     log_marginal_likelihood,
 )
 from gpsim.gp.exact import DROWNED, Likelihood
-from gpsim.gp.kernels import covariance
 
 IDENTITY_2 = Standardisation(np.zeros(2), np.ones(2), 0.0, 1.0)
 

@@ -15,11 +15,11 @@ from gpsim.gp import (
     Predictor,
     Standardisation,
     condition,
+    covariance,
     fit_outputs,
     from_arrays,
     to_arrays,
 )
-from gpsim.gp.kernels import covariance
 
 
 def make_predictor(seed: int = 0) -> tuple[Predictor, np.ndarray]:

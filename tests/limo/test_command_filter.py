@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.corrected.command_filter import CommandFilter, fit_filter, settled_rows
+from gpsim.corrected import CommandFilter, fit_filter, settled_rows
 from gpsim.errors import UsageError
 from gpsim.recordings.episodes import OverGaps, gaps
 

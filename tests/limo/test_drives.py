@@ -10,22 +10,19 @@ import pytest
 from gpsim.cli.configuration import resolve
 from gpsim.cli.main import main
 
-from gpsim.artifacts.artifact import Recipe
-from gpsim.artifacts.store import Store
-from gpsim.environments.envs import BatchedEnv
-from gpsim.environments.stand_in import Sweep, drive_plan
+from gpsim.artifacts import Recipe, Store
+from gpsim.environments import BatchedEnv, Sweep, drive_plan
 from gpsim.errors import UsageError
-from gpsim.evaluation.trips import take_trips
+from gpsim.evaluation import take_trips
+from gpsim.policies import Policy
 from gpsim.policies.export import to_onnx
-from gpsim.policies.policy import Policy
 from gpsim.policies.ros_node import ros_node
 from gpsim.policies.training import sac
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.recordings.export import DriveLog, Topics, write_ros1_bag, write_ros2_bag
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.export import export_policy
 from gpsim.stages.import_log import read_logs

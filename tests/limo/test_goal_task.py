@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from gpsim.environments.envs import BatchedEnv
-from gpsim.evaluation.turning import solvable
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import RandomisedPlant, SimulatorPlant
+from gpsim.environments import BatchedEnv
+from gpsim.evaluation import solvable
+from gpsim.simulators import RandomisedPlant, SimulatorPlant, make_simulator
 from gpsim.tasks import GoalReaching
 
 UNICYCLE = make_simulator("unicycle")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts.artifact import MANIFEST, read_artifact
+from gpsim.artifacts import MANIFEST, read_artifact
 
 TINY = (
     "experiment=limo",

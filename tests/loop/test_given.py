@@ -10,7 +10,7 @@ from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
 
 from gpsim.artifacts import Artifact, Recipe, Store
-from gpsim.corrected.effects_plant import EffectsPlant, describe
+from gpsim.corrected import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording

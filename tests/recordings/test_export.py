@@ -6,7 +6,7 @@ from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.recordings.readers import open_log
-from gpsim.simulators.registry import make_simulator
+from gpsim.simulators import make_simulator
 from gpsim.stages.export import export_recording
 
 

@@ -6,8 +6,7 @@ import pytest
 import yaml
 from by_hand import cartpole_table
 
-from gpsim.artifacts.artifact import read_artifact
-from gpsim.artifacts.mishaps import read_warnings
+from gpsim.artifacts import read_artifact, read_warnings
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.recordings.export import DriveLog, Topics, write_ros2_bag

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import GpCorrection
+from gpsim.corrected import Features, GpCorrection
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.reports.gp_figures import most_telling, residual_slice, residual_slices
-from gpsim.residuals.residuals import Residuals
+from gpsim.residuals import Residuals
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "force": "N"})
 RATES = Channels.of({"x_acc": "m/s^2", "theta_acc": "rad/s^2"})

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import RandomisedPlant, restart
+from gpsim.simulators import RandomisedPlant, make_simulator, restart
 from gpsim.targets import FrictionCartPole
 from gpsim.targets.cartpole import cart_pole_accelerations
 

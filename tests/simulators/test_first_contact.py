@@ -87,7 +87,7 @@ def test_complex_numbers_are_refused(tmp_path):
 def test_complex_numbers_of_a_derived_class_are_refused(tmp_path, method):
     path = tmp_path / "mine.py"
     path.write_text(
-        "from gpsim.simulators.slider import Slider\n"
+        "from gpsim.simulators import Slider\n"
         "class Mine(Slider):\n"
         f"    def {method}(self, *given, **named):\n"
         f"        return super().{method}(*given, **named) * (1.0 + 1j)\n"

@@ -146,7 +146,7 @@ def test_what_rates_is_given_cannot_be_changed_in_place(tmp_path):
 
 DERIVED = """
 from gpsim.simulators import Simulator
-from gpsim.simulators.slider import Slider
+from gpsim.simulators import Slider
 
 class Heavy(Slider):
     def rates(self, state, action, parameters, forces=None):
@@ -178,7 +178,7 @@ def test_a_simulator_that_derives_from_a_built_in_one_keeps_its_own_physics(tmp_
 
 def test_a_derived_class_with_a_default_outside_its_bounds_is_one_line(tmp_path):
     text = (
-        "from gpsim.simulators.simulator import Parameter\nfrom gpsim.simulators.slider import Slider\n\n"
+        "from gpsim.simulators.simulator import Parameter\nfrom gpsim.simulators import Slider\n\n"
         "class Heavy(Slider):\n    parameters = {'mass': Parameter('kg', 20.0, 0.1, 10.0, '')}\n"
     )
     with pytest.raises(UsageError, match=r"mine\.py:Heavy: parameters\['mass'\] needs .* got default 20"):
@@ -186,7 +186,7 @@ def test_a_derived_class_with_a_default_outside_its_bounds_is_one_line(tmp_path)
 
 
 RAISING = """
-from gpsim.simulators.slider import Slider
+from gpsim.simulators import Slider
 
 class Rates(Slider):
     def rates(self, state, action, parameters, forces=None):

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gpsim.corrected.effects_plant import EffectsPlant
+from gpsim.corrected import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.trials import catalogue, drawing, outside

@@ -19,7 +19,7 @@ from stable_baselines3.common.logger import Logger
 from gpsim.channels import FloatArray
 from gpsim.environments import Episodes
 from gpsim.policies import FAILS, Expert, Policy, Visited
-from gpsim.policies.training.events import event_log, note
+from gpsim.policies.training.sb3 import event_log, note
 from gpsim.policies.training.settings import Checkpoints, PpoSettings, Progress
 from gpsim.simulators import Memory, Plant
 

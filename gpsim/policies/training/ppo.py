@@ -14,9 +14,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from gpsim.environments import BatchedEnv
 from gpsim.policies import Policy
-from gpsim.policies.training.events import event_log, note
 from gpsim.policies.training.lean_ppo import FusedAdam, LeanPPO
-from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers
+from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, event_log, falling, hidden_layers, note
 from gpsim.policies.training.settings import LearningCurve, PpoSettings, Progress, observation_scale
 
 Watch = Callable[[int, Policy], None]

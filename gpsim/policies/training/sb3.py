@@ -1,17 +1,40 @@
-"""What stable-baselines3 is given and gives back: an environment in its interface, plain arrays."""
+"""What all trainings by stable-baselines3 share: event files for TensorBoard, weights and schedules."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from gpsim.environments import BatchedEnv
+
+FIGURES = "training"  # what gpsim itself says; stable-baselines3 adds `train/` and `time/`
+
+
+@contextmanager
+def event_log(folder: Path | None) -> Iterator[Logger]:
+    """A logger into a folder, closed at the end; without one, of nothing: the library's own leaves a folder behind."""
+    logger = Logger(None, [TensorBoardOutputFormat(str(folder))] if folder is not None else [])
+    try:
+        yield logger
+    finally:
+        logger.close()
+
+
+def note(log: Logger | None, **figures: float) -> None:
+    """Write figures down for the next dump; what is not finite, as the mean return of no episode, is left out."""
+    for name, value in figures.items():
+        if log is not None and math.isfinite(value):
+            log.record(f"{FIGURES}/{name}", value)
 
 
 def falling(start: float, anneal: bool, share: float = 0.0) -> float | Callable[[float], float]:
