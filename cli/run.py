@@ -70,7 +70,7 @@ def iterate(*, setup: Setup) -> None:
     rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
     the standard error of that gain, on starts of the target that the evaluation does not use.
     """
-    setup.request()
+    request, launcher = setup.request(), launcher_of(setup.config, 0)
     from gpsim.stages import iterate as iterating
 
     made: list[dict[str, object]] = []
@@ -80,8 +80,7 @@ def iterate(*, setup: Setup) -> None:
         made.append({"job": what, "folder": str(artifact.path.absolute()), "made": not existed})
 
     with single_progress("iterate") as progress:
-        launcher = launcher_of(setup.config, 0)
-        artifact = iterating.run(setup.request(), launcher, lambda job, *told: progress(*told), done)
+        artifact = iterating.run(request, launcher, lambda job, *told: progress(*told), done)
     notes = iterating.lines(artifact)
     say_all(notes, "  ")
     answer({"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}, jobs=made, notes=notes)
