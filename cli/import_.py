@@ -143,7 +143,8 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
 
     from gpsim.reports.import_text import render_inspection
     from gpsim.stages.figures import inspection_figures
-    from gpsim.stages.import_log import inspect_source, write_mapping
+    from gpsim.stages.import_log import write_mapping
+    from gpsim.stages.raw_logs import inspect_source
 
     if words:
         raise UsageError(f"import --inspect: takes no settings ({', '.join(words)}); they go with an import")
@@ -162,6 +163,6 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
             typer.echo(found[0].proposal, nl=False)
     else:
         write_mapping(found[0].proposal, write_to)
-        _aside(
-            f"mapping: {write_to}; fill in every '?', then: gpsim import ... --mapping {write_to} --out DIR"
-        )
+        log, to = shlex.quote(str(paths[0])), shlex.quote(str(write_to))
+        first = "fill in every '?', then: " if found[0].open else ""
+        _aside(f"mapping: {write_to}; {first}gpsim import {log} --mapping {to} --out DIR")

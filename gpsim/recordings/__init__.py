@@ -15,7 +15,7 @@ if TYPE_CHECKING:
         recording_of,
         write_recording,
     )
-    from gpsim.recordings.guessing import Guess, System, bare_mapping, guess, listed
+    from gpsim.recordings.guessing import Guess, System, bare_mapping, guess, likeliest, listed
     from gpsim.recordings.importing import ImportReport, import_logs
     from gpsim.recordings.inspection import Inspection, Statistics, inspect_log
     from gpsim.recordings.mapping import (
@@ -64,7 +64,7 @@ __all__ = [
     "RawLog", "Recording", "Statistics", "System", "Topic", "TopicCount", "Transitions", "Velocities",
     "apart", "bare_mapping", "changes_of_words", "check_bounded", "check_channels", "check_name", "columns_of",
     "evenly", "export", "find_bad_rows", "find_logs", "finds_all", "gaps", "guess", "import_logs", "inspect_log",
-    "is_bag_folder", "joined", "listed", "merged", "one_line", "open_log", "parse_mapping", "parse_yaml",
+    "is_bag_folder", "joined", "likeliest", "listed", "merged", "one_line", "open_log", "parse_mapping", "parse_yaml",
     "pieces", "pose_channels", "read_bare_table", "read_recording", "read_yaml", "recording_of", "start_times",
     "steps_to_next", "without_poses", "write_mcap", "write_recording", "write_table",
 ]  # fmt: skip

@@ -43,7 +43,9 @@ WORDS: dict[str, tuple[str, ...]] = {
         "torque", "tau", "effort", "motor_torque", "u", "command", "cmd", "control", "input", "action",
     ),
     "speed_command": ("v_cmd", "cmd_v", "speed", "throttle", "v", "v_ref", "linear", "velocity_command"),
-    "turn_command": ("w_cmd", "cmd_w", "omega", "angular", "turn_rate", "yaw_rate", "w"),
+    "turn_command": (
+        "w_cmd", "cmd_w", "omega", "angular", "turn_rate", "yaw_rate", "w", "yawrate", "turnrate",
+    ),
     "steering_command": ("steering", "steer", "delta", "steering_angle", "steering_cmd"),
 }  # fmt: skip
 """What a quantity is called, the likeliest first."""
@@ -56,20 +58,38 @@ NO_ACTION = frozenset(
     {"raw", "squared", "err", "error", "measured", "sin", "cos", "std", "acc", "seq", "count"}
 )
 _NUMBERS = re.compile(r"\d+")
-_UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+_ENDINGS = {
+    **{unit: unit for unit in ("ms", "us", "ns", "s", "deg", "rad", "rpm", "m", "mm", "cm", "km", "N", "Nm")},
+    "sec": "s", "mps": "m/s", "m_s": "m/s", "rad_s": "rad/s", "rads": "rad/s", "radps": "rad/s",
+    "deg_s": "deg/s", "degs": "deg/s", "degps": "deg/s", "dps": "deg/s",
+}  # fmt: skip
+"""How a column's name may end behind `_`, and the unit that this tells."""
+_UNIT = re.compile(
+    rf"\s*[\[(]([^\])]*)[\])]\s*$|(?<=[A-Za-z0-9])_({'|'.join(sorted(_ENDINGS, key=len, reverse=True))})$"
+)
+_SI = {"deg": "rad", "rpm": "rad/s", "mm": "m", "cm": "m", "km": "m"}
 
 
 def words_of(name: str) -> list[str]:
-    """`angleD [rad/s]` -> [angle, d]; numbers apart, units and slashes left out."""
+    """`angleD [rad/s]` -> [angle, d], `time_ms` -> [time]; numbers apart, units and slashes left out."""
     bare = _UNIT.sub("", name)
     bare = re.sub(r"([a-z])([A-Z])", r"\1 \2", bare)
     return [word for word in re.split(r"[^a-zA-Z]+", bare.lower()) if word]
 
 
 def unit_of(name: str) -> str:
-    """The unit that a column's name ends in, as `[deg]` or `(ms)`; empty without one."""
+    """The unit that a column's name ends in, as `[deg]`, `(ms)` or `_deg`; empty without one."""
     found = _UNIT.search(name)
-    return found[1].strip() if found else ""
+    if found is None:
+        return ""
+    return _ENDINGS[found[2]] if found[2] else found[1].strip()
+
+
+def factor_of(name: str, unit: str) -> float:
+    """What turns a column into this unit, as its name tells; 1 where it tells nothing, or another quantity."""
+    own = unit_of(name).removesuffix("/s")
+    fits = own in _SI and unit in (_SI[own], f"{_SI[own]}/s")
+    return FACTORS[own] if fits else 1.0
 
 
 def likeness(name: str, channel: str, words: Sequence[str], never: frozenset[str]) -> float:
@@ -80,7 +100,9 @@ def likeness(name: str, channel: str, words: Sequence[str], never: frozenset[str
     elif never & set(own) or not own:
         return 0.0
     else:
-        fit = max(0.0, *(_fit_of_word(own, word) - LATER * place for place, word in enumerate(words)))
+        asked = own[:-1] if len(own) > 1 and own[-1] in ("cmd", "command") else own
+        fits = (max(_fit_of_word(own, word), _fit_of_word(asked, word)) for word in words)
+        fit = max(0.0, *(found - LATER * place for place, found in enumerate(fits)))
     wanted = _NUMBERS.findall(channel)
     return fit - OTHER_NUMBER if fit and wanted and _NUMBERS.findall(_UNIT.sub("", name)) != wanted else fit
 
@@ -404,11 +426,17 @@ class Pose:
     def entries(self) -> dict[str, Any]:
         """The three channels of a mapping."""
         at: dict[str, Any] = {} if self.alone else {"topic": self.topic}
-        heading = {"quaternion": self.yaw, "angle": "yaw"} if self.quaternion else {"field": self.yaw}
+        turned = {**at, "quaternion": self.yaw, "angle": "yaw", "unit": "rad", "wraps": True}
+        made = {name: source.entry(unit, name == "yaw") for name, (source, unit) in self.sources().items()}
+        return made | ({"yaw": turned} if self.quaternion else {})
+
+    def sources(self) -> dict[str, tuple[Source, str]]:
+        """The fields of its channels, and their units; of a quaternion none."""
+        columns = [("x", self.x, "m"), ("y", self.y, "m")]
+        columns += [] if self.quaternion else [("yaw", self.yaw, "rad")]
         return {
-            "x": {**at, "field": self.x, "unit": "m"},
-            "y": {**at, "field": self.y, "unit": "m"},
-            "yaw": {**at, **heading, "unit": "rad", "wraps": True},
+            name: (Source(self.topic, column, factor_of(column, unit), self.alone), unit)
+            for name, column, unit in columns
         }
 
 
@@ -519,7 +547,8 @@ VEHICLE = ("x", "y", "yaw")
 class System:
     """What a log is compared with. velocities: velocity -> the position it is of; optional: need not be recorded.
 
-    drives: action -> the joint that it moves; model: the file of a system that a recording calls `recorded_as`.
+    drives: action -> the joint that it moves; model: the file of a system that a recording calls `recorded_as`;
+    integrator: how the base simulator steps.
     """
 
     name: str
@@ -530,6 +559,7 @@ class System:
     drives: Mapping[str, str] = field(default_factory=dict)
     recorded_as: str = ""
     model: str | None = None
+    integrator: str = ""
 
     @property
     def is_vehicle(self) -> bool:
@@ -640,7 +670,11 @@ class _Guesser:
             return
         self.used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
         made.typed &= not chosen.prefix
-        made.taken[POSE] = chosen.name
+        sources = {name: source for name, (source, _) in chosen.sources().items()}
+        if not chosen.quaternion and any(source.scale != 1.0 for source in sources.values()):
+            made.taken |= {name: self._typed(source) for name, source in sources.items()}
+        else:
+            made.taken[POSE] = chosen.name
         made.fit += EXACT * len(VEHICLE)
         if chosen.rate:
             made.raw |= {"rate": min(50, max(1, round(chosen.rate)))}
@@ -704,7 +738,7 @@ class _Guesser:
         if len(as_good) > 1 or best < SURE:
             made.unclear[name] = [short(source, self.topics) for source in chosen]
         made.typed = False
-        factor = FACTORS.get(unit_of(as_good[0].field).removesuffix("/s"), 1.0)
+        factor = factor_of(as_good[0].field, channel.unit)
         self._take(entries, channel, replace(as_good[0], scale=factor))
         made.fit += best
         return True
@@ -726,8 +760,13 @@ class _Guesser:
     def _take(self, entries: dict[str, Any], channel: Channel, source: Source) -> None:
         entries[channel.name] = source.entry(channel.unit, channel.wraps or channel.name == "yaw")
         self.used.add((source.topic, source.field))
-        factor = "" if source.scale == 1.0 else "-" if source.scale == -1.0 else f"{source.scale:.6g}*"
-        self.made.taken[channel.name] = f"{factor}{short(source, self.topics)}"
+        self.made.taken[channel.name] = self._typed(source)
+
+    def _typed(self, source: Source) -> str:
+        """The source and its factor, as they are typed behind `channel=`."""
+        angle = next((f"{unit}*" for unit in ("deg", "rpm") if source.scale == FACTORS[unit]), "")
+        factor = {1.0: "", -1.0: "-"}.get(source.scale, angle or f"{source.scale:.6g}*")
+        return f"{factor}{short(source, self.topics)}"
 
 
 def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, ...]:
@@ -746,67 +785,81 @@ def _state_words(channel: Channel, of: str | None, position: str) -> tuple[str, 
     return (*words, *(f"{'_'.join(words_of(name))}_{end}" for end in ("position", "pos", "angle", "q")))
 
 
-_LOOSE = {f"std_msgs/msg/{kind}" for kind in ("Float32", "Float64", "Float32MultiArray")} | {
-    "sensor_msgs/msg/Joy"
-}
 TIME_COLUMNS = ("t", "time", "timestamp", "Time", "time [s]")
 """What the time column of a table is called where nobody says so."""
+_COMMANDS = frozenset({"cmd", "command", "commanded", "control", "ctrl", "input", "u"})
+"""Words of a column that is an action of whatever it may be."""
 
 
-def proposal(topics: tuple[Topic, ...], rates: Mapping[str, float | None]) -> str:
-    """A mapping to start from, as YAML; what could not be told is marked by a comment."""
-    pose, command = (
-        max((t for t in topics if t.type in known and t.count), key=lambda t: t.count, default=None)
-        for known in (POSES, COMMANDS)
-    )
-    if pose is not None:
-        raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
-    elif len(topics) == 1:
-        raw = _table(topics[0])
-        advice = "name the channels as the system does; actions are what was commanded"
-    else:
+def likeliest(guesses: Sequence[Guess]) -> Guess:
+    """The one that leaves least to ask, and of those the one whose names fit best."""
+    return min(guesses, key=lambda one: (len(one.missing), -one.fit))
+
+
+def proposal(topics: Sequence[Topic], found: Guess) -> tuple[str, dict[str, str]]:
+    """A mapping to start from, as YAML, and what each column was taken for; what nobody can tell is a '?'.
+
+    found: the likeliest guess; where it lacks a state, the log is of something else.
+    """
+    lacking = [name for name in found.system.state.names if name in found.missing]
+    raw, asked = dict(found.raw), []
+    if lacking and len(topics) == 1:
+        raw = _unknown(topics[0], found)
+        asked = ["name the channels as the system does", "actions are what was commanded"]
+    elif lacking:
         raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
-        advice = "no pose topic found; fill in state and action from the fields above"
-    if pose is not None and (rate := rates.get(pose.name)):
-        raw["rate"] = min(50, max(1, round(rate)))
-    if pose is not None and not raw["action"]:
-        loose = [(t.name, n) for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n]
-        near = [f"{name} {field}" for name, field in sorted(loose, key=lambda pair: "." in pair[1])]
-        advice += (
-            f"\n# commands could be among: {', '.join(near[:10])}" if near else "; no command topic found"
-        )
-    text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
-    return f"# proposed mapping: fill in every '?', {advice}\n{text}"
-
-
-def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
-    prefix, ends = COMMANDS[command.type] if command is not None else ("", {})
-    units = {"v_cmd": "m/s", "w_cmd": "rad/s", "steering": "rad"}
-    action = {
-        name: Source(command.name, f"{prefix}{end}").entry(units[name])
-        for name, end in ends.items()
-        if command is not None
-    }
-    system = "ackermann" if "steering" in ends else "unicycle"
-    state = pose_of(pose, alone=False).entries()
-    return {"system": system, "rate": 50, "gap_limit": 0.5, "state": state, "action": action}
-
-
-def _table(topic: Topic) -> dict[str, Any]:
-    columns = [name for name in topic.fields if name not in (*TIME_COLUMNS, "episode")]
-    raw: dict[str, Any] = {"system": "?", "rate": "source"}
-    if "episode" in (*topic.fields, *topic.texts):
-        raw["episodes"] = {"by": "column", "field": "episode"}
-    time = next((name for name in TIME_COLUMNS if name in topic.fields), None)
-    if time is not None:
-        raw["time"] = {"field": time}
-    elif {"s", "ns"} <= set(columns):
-        raw["time"] = {"seconds": "s", "nanoseconds": "ns"}
-        columns = [name for name in columns if name not in ("s", "ns")]
+        asked = ["fill in state and action from the fields above"]
     else:
+        raw |= {"integrator": found.system.integrator} if found.system.integrator else {}
+        at = {} if len(topics) == 1 else {"topic": "?"}
+        lost = [name for name in found.system.action.names if name in found.missing]
+        units = found.system.action.units
+        raw["action"] = raw["action"] | {name: {**at, "field": "?", "unit": units[name]} for name in lost}
+        asked += [f"{name} may be {listed(found.missing[name][:_FEW])}" for name in lost]
+        asked += [
+            f"{name} is taken from {found.taken[name]}, of {listed(names[:_FEW])}"
+            for name, names in found.unclear.items()
+        ]
+        asked += [f"units of {', '.join(units)} are taken to be {', '.join(units.values())}"] if units else []
+    if TIME in found.missing:
         raw["time"] = {"field": "?"}
-    raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
-    return raw | {"action": {}}
+    text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
+    head = "fill in every '?'" if "'?'" in text else "see whether it is so" if found.unclear else "complete"
+    lines = "".join(f"# {line}\n" for line in (f"proposed mapping: {head}", *asked))
+    return f"{lines}{text}", _roles(raw)
+
+
+_FEW = 10  # candidates of a channel that a proposal lists
+
+
+def _unknown(topic: Topic, found: Guess) -> dict[str, Any]:
+    """The columns of a table of nobody knows what: told apart by their words, in the units of their names."""
+    raw: dict[str, Any] = {"system": "?", "rate": "source"}
+    raw |= {key: found.raw[key] for key in ("episodes", "time", "gap_limit") if key in found.raw}
+    raw |= {"state": {}, "action": {}}
+    told = {str(value) for value in raw.get("time", {}).values()}
+    for name in topic.fields:
+        if name in told or name == "episode":
+            continue
+        own = unit_of(name)
+        base, per = own.removesuffix("/s"), "/s" if own.endswith("/s") else ""
+        unit = f"{_SI[base]}{per}" if base in _SI else own or "?"
+        section = "action" if _COMMANDS & set(words_of(name)) else "state"
+        raw[section][name] = Source(topic.name, name, factor_of(name, unit), alone=True).entry(unit)
+    return raw
+
+
+def _roles(raw: Mapping[str, Any]) -> dict[str, str]:
+    """Field -> what it is read as, of a mapping of one table."""
+    time = raw.get("time", {})
+    roles = {str(value): "time" for key, value in time.items() if key in ("field", "seconds", "nanoseconds")}
+    roles |= {time["field"]: f"time [{time['scale']:g} s]"} if "scale" in time else {}
+    for section in ("state", "action"):
+        for name, entry in raw[section].items():
+            scale = f" times {entry['scale']:.6g}" if "scale" in entry else ""
+            if "field" in entry:
+                roles[str(entry["field"])] = f"{section} {name} [{entry['unit']}]{scale}"
+    return roles
 
 
 def bare_mapping(

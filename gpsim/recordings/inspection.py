@@ -9,9 +9,10 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.guessing import TIME_COLUMNS, proposal
+from gpsim.recordings.guessing import TIME_COLUMNS, System, guess, likeliest, proposal
 from gpsim.recordings.raw import NamedLog, RawLog, Series, Topic
 
+MOST_COLUMNS = 40  # of a table that are shown with what they hold
 READINGS = 64  # of a log, to find out which of its topics cannot be read
 GAP = 5.0  # a step of this many usual steps is a gap
 
@@ -36,7 +37,9 @@ class Statistics:
 class Inspection:
     """The topics of a log, how they come, and a mapping as YAML; others: further logs in the same folder.
 
-    faults: why a topic cannot be read, by its name; ready: mappings that come with gpsim and find all they want here.
+    faults: why a topic cannot be read, by its name; ready: mappings that come with gpsim and find all they want here;
+    columns: of a table, what each is read as (empty where nothing) and its least and largest value; system: what the
+    log looks like one of, empty where it looks like nothing known; open: whether the proposal leaves a question.
     """
 
     name: str
@@ -46,12 +49,17 @@ class Inspection:
     others: int
     faults: Mapping[str, str] = field(default_factory=dict)
     ready: tuple[str, ...] = ()
+    columns: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
+    system: str = ""
+    open: bool = True
 
 
-def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) -> Inspection:
+def inspect_log(
+    named: NamedLog, systems: Sequence[System], count: int = 1, ready: tuple[str, ...] = ()
+) -> Inspection:
     """Read one field of every topic (of a table: what looks like its time), to see how the rows come.
 
-    A topic that cannot be read has its reason listed, and the rest goes on.
+    A topic that cannot be read has its reason listed, and the rest goes on. systems: what the log may be one of.
     """
     topics = tuple(named.log.topics())
     wanted = {
@@ -70,8 +78,35 @@ def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) ->
         elif wanted[name][0] in TIME_COLUMNS:
             paces[name] = statistics(column)
     sound = tuple(topic for topic in topics if topic.name not in faults)
-    text = proposal(sound, {name: pace.rate for name, pace in paces.items()})
-    return Inspection(named.name, topics, paces, text, count - 1, faults, ready)
+
+    def values(topic: str, field: str) -> FloatArray:
+        """A column; NaN where it cannot be read, of which an import tells the place."""
+        return _columns(named.log, topic, [field]).get(field, np.full(1, np.nan))
+
+    best = likeliest([guess(sound, system, {}, values) for system in systems])
+    text, roles = proposal(sound, best)
+    columns: dict[str, tuple[str, float, float]] = {}
+    if len(sound) == 1 and sound[0].type == "table":
+        table = sound[0]
+        read = _columns(named.log, table.name, table.fields[:MOST_COLUMNS])
+        for name, column in read.items():
+            held = column[np.isfinite(column)]
+            ends = (float(held.min()), float(held.max())) if len(held) else (np.nan, np.nan)
+            columns[name] = (roles.get(name, ""), *ends)
+        clock = best.raw.get("time", {})
+        if table.name not in paces and clock.get("field") in read:
+            paces[table.name] = statistics(clock.get("scale", 1.0) * read[clock["field"]])
+    known = not any(name in best.missing for name in best.system.state.names)
+    system, is_open = best.system.name if known else "", "'?'" in text
+    return Inspection(named.name, topics, paces, text, count - 1, faults, ready, columns, system, is_open)
+
+
+def _columns(log: RawLog, topic: str, names: Sequence[str]) -> dict[str, FloatArray]:
+    """Of a table; none where they cannot be read."""
+    try:
+        return dict(log.series({topic: names})[topic].fields)
+    except UsageError:
+        return {}
 
 
 def _read(

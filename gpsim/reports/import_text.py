@@ -231,11 +231,24 @@ def render_inspection(found: Inspection) -> RenderableType:
         *([literal(f"and {found.others} more log(s) in this folder")] if found.others else []),
         *(literal(line, style="yellow") for line in ("", *unread)),
         *([literal("")] if faults else []),
-        literal("numeric fields"),
-        *(literal(f"  {topic.name}: {_fields(topic)}") for topic in found.topics if topic.fields),
+        *([_column_table(found)] if found.columns else [literal("numeric fields")]),
+        *(
+            literal(f"  {topic.name}: {_fields(topic)}")
+            for topic in found.topics
+            if topic.fields and not found.columns
+        ),
         literal(""),
+        *([literal(f"looks like one of {found.system}")] if found.system else []),
         *(literal(f"--mapping {name} comes with gpsim and finds all it wants here") for name in found.ready),
     )
+
+
+def _column_table(found: Inspection) -> Table:
+    """What each column of a table holds and is read as."""
+    table = _table("numeric fields", ("column",), ("least", "largest"), "read as", no_wrap=True)
+    for name, (role, *ends) in found.columns.items():
+        table.add_row(literal(name), *(f"{end:.5g}" for end in ends), literal(role or "-"))
+    return table
 
 
 def _pace(pace: Statistics | None) -> list[str]:

@@ -16,7 +16,6 @@ from gpsim.recordings import (
     FolderLog,
     ImportMapping,
     ImportReport,
-    Inspection,
     NamedLog,
     Opener,
     RawLog,
@@ -27,7 +26,6 @@ from gpsim.recordings import (
     find_logs,
     finds_all,
     import_logs,
-    inspect_log,
     merged,
     one_line,
     open_log,
@@ -190,15 +188,6 @@ def write_import(recording: Recording, report: ImportReport, folder: Path) -> No
     if mishaps.lines:
         figure.unlink(missing_ok=True)
     mishaps.write(folder)
-
-
-def inspect_source(source: Path, salvage: bool = False) -> Inspection:
-    """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
-    opener = partial(open_log, salvage=salvage)
-    paths: list[Path] = []
-    found = find_logs([source], "files", "*", remembering(paths))
-    first = NamedLog(found[0].name, opener(paths[0]))
-    return inspect_log(first, len(found), ready_mappings(source, first, opener))
 
 
 def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, ...]:

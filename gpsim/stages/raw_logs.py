@@ -19,11 +19,15 @@ from gpsim.mjcf import SYSTEM, MjcfSimulator, open_simulator
 from gpsim.recordings import (
     SUFFIXES,
     TOP_KEYS,
+    Inspection,
+    NamedLog,
     System,
     changes_of_words,
     find_logs,
     guess,
+    inspect_log,
     is_bag_folder,
+    likeliest,
     open_log,
     parse_mapping,
 )
@@ -95,6 +99,16 @@ def _is_channel(key: str) -> bool:
     return all(part.isidentifier() for part in key.split(".")) and top not in TOP_KEYS and not setting
 
 
+def inspect_source(source: Path, salvage: bool = False) -> Inspection:
+    """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
+    opener = partial(open_log, salvage=salvage)
+    paths: list[Path] = []
+    found = find_logs([source], "files", "*", import_log.remembering(paths))
+    first = NamedLog(found[0].name, opener(paths[0]))
+    systems = [_system(each) for each in SIMULATORS]
+    return inspect_log(first, systems, len(found), import_log.ready_mappings(source, first, opener))
+
+
 @dataclass(frozen=True)
 class Read:
     """How a log will be read: the whole mapping, where it is from, and what a person should know of it."""
@@ -121,7 +135,7 @@ def decide(log: RawLog) -> Read:
     systems = [_system(str(name))] if name else [_system(each) for each in SIMULATORS]
     known = {key: value for key, value in given.items() if name}
     guesses = [guess(topics, system, known, values) for system in systems]
-    found = min(guesses, key=lambda one: (len(one.missing), -one.fit))
+    found = likeliest(guesses)
     if "episodes" in changes:
         found.switch = None
     if kinds:
@@ -158,7 +172,14 @@ def _system(name: str) -> System:
     """What the guess has to know of a simulator."""
     simulator = open_simulator(name)
     pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
-    system = System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+    system = System(
+        name,
+        simulator.state,
+        simulator.action,
+        pairs,
+        tuple(simulator.start),
+        integrator=simulator.integrator,
+    )
     if not isinstance(simulator, MjcfSimulator):
         return system
     return replace(system, optional=tuple(pairs), drives=simulator.drives, recorded_as=SYSTEM, model=name)

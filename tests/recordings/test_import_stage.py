@@ -10,7 +10,8 @@ from gpsim.artifacts import read_artifact, read_warnings
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.recordings.export import DriveLog, Topics, write_ros2_bag
-from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests
+from gpsim.stages.import_log import import_log, read_logs, source_digests
+from gpsim.stages.raw_logs import inspect_source
 
 WRITTEN = [
     "recording.parquet",

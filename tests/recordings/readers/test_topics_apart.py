@@ -12,7 +12,8 @@ from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.bag1 import Bag1
 from gpsim.recordings.readers.damage import Ledger
 from gpsim.recordings.readers.mcap import Mcap
-from gpsim.stages.import_log import inspect_source, read_logs
+from gpsim.stages.import_log import read_logs
+from gpsim.stages.raw_logs import inspect_source
 
 DESCRIPTIONS = "/mocap_node/optitrack_config/parameter_descriptions"
 STRANGE = "/bad"
