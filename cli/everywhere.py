@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
@@ -34,36 +34,36 @@ QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
 
-def add_everywhere(app: typer.Typer, flag: Flag, path: Path = ()) -> None:
-    """Give the flag to every command and every group of an app, at any depth."""
+def add_everywhere(app: typer.Typer, flags: Sequence[Flag], path: Path = ()) -> None:
+    """Give the flags to every command and every group of an app, at any depth."""
     if app.registered_callback is not None and app.registered_callback.callback is not None:
-        app.registered_callback.callback = _with(app.registered_callback.callback, flag, path)
+        app.registered_callback.callback = _with(app.registered_callback.callback, flags, path)
     for command in app.registered_commands:
         if command.callback is not None:
-            command.callback = _with(command.callback, flag, (*path, str(command.name)))
+            command.callback = _with(command.callback, flags, (*path, str(command.name)))
     for group in app.registered_groups:
         if group.typer_instance is not None:
-            add_everywhere(group.typer_instance, flag, (*path, str(group.name)))
+            add_everywhere(group.typer_instance, flags, (*path, str(group.name)))
 
 
-def _with(function: Callable[..., Any], flag: Flag, path: Path) -> Callable[..., Any]:
-    """The same function with one keyword more, which Typer reads from its signature."""
+def _with(function: Callable[..., Any], flags: Sequence[Flag], path: Path) -> Callable[..., Any]:
+    """The same function with a keyword more a flag, which Typer reads from its signature."""
 
     @functools.wraps(function)
     def heard(*arguments: Any, **named: Any) -> Any:
-        if named.pop(flag.name, False):
-            flag.heard(path)
-        flag.begins(path)
+        for flag in flags:
+            if named.pop(flag.name, False):
+                flag.heard(path)
+            flag.begins(path)
         return function(*arguments, **named)
 
+    hints = get_type_hints(function, include_extras=True) | {flag.name: flag.annotation for flag in flags}
     signature = inspect.signature(function)
-    option = inspect.Parameter(
-        flag.name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=flag.annotation
-    )
-    hints = get_type_hints(function, include_extras=True)
     known = [p.replace(annotation=hints.get(name, p.annotation)) for name, p in signature.parameters.items()]
-    heard.__signature__ = signature.replace(parameters=[*known, option])  # type: ignore[attr-defined]
-    heard.__annotations__ = {**hints, flag.name: flag.annotation}
+    kind = inspect.Parameter.KEYWORD_ONLY
+    more = [inspect.Parameter(flag.name, kind, default=False, annotation=flag.annotation) for flag in flags]
+    heard.__signature__ = signature.replace(parameters=[*known, *more])  # type: ignore[attr-defined]
+    heard.__annotations__ = hints
     del heard.__wrapped__  # whoever asks for the signature gets this one
     return heard
 
@@ -81,23 +81,17 @@ def _hush(path: Path) -> None:
 QUIETLY = Flag(QUIET_NAME, Quiet, _hush)
 
 
-TRUST_NAME = "trust"
-TRUST_OPTION = "--trust"
 Trust = Annotated[
     bool,
     typer.Option(
-        TRUST_OPTION, help="Run Python files and modules that recordings, mappings and diagnoses name."
+        "--trust", help="Run Python files and modules that recordings, mappings and diagnoses name."
     ),
 ]
 NAMING = ("system", "model")
 """Words about a raw log that name a simulator."""
 
 
-def _trust(path: Path) -> None:
-    trust_data()
-
-
-TRUSTINGLY = Flag(TRUST_NAME, Trust, _trust)
+TRUSTINGLY = Flag("trust", Trust, lambda path: trust_data())
 
 
 def named(simulator: str | None, words: Iterable[str] = ()) -> None:

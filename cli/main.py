@@ -29,15 +29,13 @@ from . import answers
 from .after import deploy_command, plan_command, watch_command
 from .diagnose import diagnose_command
 from .everywhere import QUIET, QUIETLY, TRUSTINGLY, add_everywhere
-from .export import export_app
+from .export import export_app, view_command
 from .import_ import import_command
 from .progress import INTERRUPTED
 from .prove import prove_app
-from .run import report_command, run_app, status_command, sweep_command
+from .run import add_stages, report_command, run_app, status_command, sweep_command
 from .runs import runs_app
 from .simulators import effects_app, simulators_app
-from .stages import add_stages
-from .view import view_command
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -117,9 +115,7 @@ for panel, name, command, line in PANELS:
         app.add_typer(command, name=name, rich_help_panel=panel, short_help=line or Default(None))
     else:
         app.command(name, short_help=line, rich_help_panel=panel)(command)
-add_everywhere(app, QUIETLY)
-add_everywhere(app, answers.FLAG)
-add_everywhere(app, TRUSTINGLY)
+add_everywhere(app, (QUIETLY, answers.FLAG, TRUSTINGLY))
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.effects import Brought, bring, consent_to, installed, own_effect, read_effects
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
-from gpsim.face.opening import Recordings, opened, taken_of
+from gpsim.face.recordings import Recordings, opened, taken_of
 from gpsim.face.simulators import load_simulator
 from gpsim.findings import NamedEffect, Score, Verdict
 from gpsim.posterior import LeftOpen

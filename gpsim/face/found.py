@@ -1,4 +1,4 @@
-"""What stands behind a Diagnosis: one that was just made, or the folder of an earlier one."""
+"""What stands behind a Diagnosis: one that was just made, or the folder of an earlier one; both answer the same."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store, read_artifact
 from gpsim.channels import Channels
@@ -37,48 +37,6 @@ from gpsim.stages.stage import SOURCES
 
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
-
-
-class Found(Protocol):
-    """Where a diagnosis comes from."""
-
-    @property
-    def result(self) -> Diagnosis:
-        """The result, in words too."""
-        ...
-
-    @property
-    def name(self) -> str:
-        """The base simulator's."""
-        ...
-
-    @property
-    def place(self) -> str | None:
-        """The folder, if it has one."""
-        ...
-
-    @property
-    def simulator(self) -> Simulator:
-        """The base simulator."""
-        ...
-
-    @property
-    def pictures(self) -> Mapping[str, Picture]:
-        """Name -> picture."""
-        ...
-
-    @property
-    def left_open(self) -> LeftOpen:
-        """What it leaves open."""
-        ...
-
-    def corrected(self, gp: bool) -> EffectsPlant:
-        """The corrected simulator."""
-        ...
-
-    def save(self, folder: Path) -> None:
-        """Write the folder, whole or not at all; it does not exist yet."""
-        ...
 
 
 @dataclass
@@ -197,6 +155,9 @@ class Kept:
             folder.parent.mkdir(parents=True, exist_ok=True)
             with written_whole(folder) as temporary:
                 shutil.copytree(self.artifact.path, temporary)
+
+
+Found = Made | Kept
 
 
 def content_digest(recording: Recording) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from gpsim.corrected import EffectsPlant
 from gpsim.errors import UsageError
 from gpsim.face.diagnosis import Diagnosis
-from gpsim.face.opening import taken_of
+from gpsim.face.recordings import taken_of
 from gpsim.planning import Plan
 from gpsim.recordings import Recording
 from gpsim.settings import build, number, whole

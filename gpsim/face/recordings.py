@@ -1,4 +1,4 @@
-"""read_recording and recording_from_frame: what really happened."""
+"""What really happened: read_recording, recording_from_frame, and what is handed over to be diagnosed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ import pandas as pd
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError, near_path
-from gpsim.face.simulators import load_simulator
-from gpsim.recordings import LONGEST_STEP, HeldOut, Recording, Velocities, gaps
+from gpsim.face.simulators import folder_of, load_simulator, simulator_of
+from gpsim.mjcf import in_its_columns
+from gpsim.recordings import LONGEST_STEP, HeldOut, Recording, Velocities, gaps, joined
 from gpsim.recordings import read_recording as read_folder
 from gpsim.residuals import OWN_DT, read_table, table_recording
 from gpsim.settings import choice, number
 from gpsim.simulators import INTEGRATORS, Integrator, Simulator
+from gpsim.trust import trusting
 
 TABLES = (".csv", ".parquet")
 FRAME = "the frame"
@@ -264,3 +266,50 @@ def _share(held_out: float) -> float:
     if not 0.0 <= number(held_out, "held_out") < 1.0:
         raise UsageError(f"held_out: expected a share in [0, 1), got {held_out:g}")
     return float(held_out)
+
+
+Recordings = Recording | str | Path | Sequence[Recording | str | Path] | Mapping[str, Recording | str | Path]
+"""One recording, or several of one machine."""
+
+
+def opened(given: Recordings, model: Simulator | None, trust: bool = False) -> tuple[Recording, Simulator]:
+    """What is to be diagnosed, several recordings as one, and the simulator.
+
+    trust: whether code that only a recording names may run.
+    """
+    if isinstance(given, Mapping) and any(isinstance(one, Recording | str | Path) for one in given.values()):
+        named = {str(name): one for name, one in given.items()}
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        named = dict(zip(_names_of(given), given, strict=True))
+    else:
+        named = {"": given}  # type: ignore[dict-item]  # `taken_of` says what it is instead
+    if not named:
+        raise UsageError("diagnose: expected a recording, or several, got none")
+    found = []
+    for one in named.values():
+        taken = taken_of(one, model)
+        with trusting(trust):
+            own = model or simulator_of(taken, folder_of(one))
+        found.append((in_its_columns(taken, own), own))
+    if len(found) == 1:
+        return found[0]
+    return joined([recording for recording, _ in found], list(named)), found[0][1]
+
+
+def _names_of(given: Sequence[Recording | str | Path]) -> list[str]:
+    """What recordings are called: as their folders or files, numbered where these are alike or there are none."""
+    names = [Path(one).stem if isinstance(one, str | Path) else "" for one in given]
+    told = all(names) and len(set(names)) == len(names)
+    return names if told else [str(i + 1) for i in range(len(given))]
+
+
+def taken_of(recording: Recording | str | Path, simulator: Simulator | None) -> Recording:
+    """A recording, or the one that a path names; raises UsageError for anything else."""
+    if isinstance(recording, str | Path):
+        return read_recording(recording, simulator)
+    if not isinstance(recording, Recording):
+        raise UsageError(
+            f"expected a recording, got {type(recording).__name__}: make one by read_recording or "
+            "recording_from_frame"
+        )
+    return recording
