@@ -12,7 +12,7 @@ from gpsim.cli.main import app
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
-from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings import read_recording, write_recording
 from gpsim.stages.diagnose import Task, open_recording, stage_for
 from gpsim.stages.stage import Request
 

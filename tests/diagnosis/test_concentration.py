@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment.location import concentrated
-from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from gpsim.diagnosis import Diagnosis, schema
 from gpsim.errors import UsageError
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import write_recording
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 
 from .worlds import World, record

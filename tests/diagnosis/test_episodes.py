@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.effects import Gate, Term
-from gpsim.effects.term import EPISODE, IN_EPISODE, from_json, to_json
+from gpsim.diagnosis.setup import prepare
+from gpsim.effects import EPISODE, IN_EPISODE, Gate, Term, from_json, to_json
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.assessment.experiment_design import _amplitudes, tell_apart
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
 from gpsim.simulators import make_simulator
 

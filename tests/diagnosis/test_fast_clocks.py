@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.data.clock import thinned
-from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis import diagnose
+from gpsim.diagnosis.data import thinned
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, WindowSettings
 from gpsim.reports.diagnosis_text import where

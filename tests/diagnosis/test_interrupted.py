@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gpsim.artifacts import folder_digests, read_artifact
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import write_recording
 
 from .worlds import World, record
 

@@ -8,9 +8,9 @@ import pytest
 
 from gpsim import load_simulator
 from gpsim.channels import Channels
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.setup import estimated as hidden
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
 from gpsim.traces import BASE, EFFECTS, course
 

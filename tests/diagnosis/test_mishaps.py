@@ -10,12 +10,12 @@ import pytest
 from gpsim.cli.main import main
 
 from gpsim.artifacts import Mishaps, read_artifact, read_warnings
+from gpsim.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.assessment import comparison as comparing
-from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.judging import attribute
 from gpsim.errors import UsageError
 from gpsim.findings import NoGp
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import write_recording
 from gpsim.reports import diagnosis_figures
 from gpsim.stages import diagnosis_files
 from gpsim.stages.diagnose import read_corrected, why_no_gp

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
 from gpsim.simulators import make_simulator

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 from gpsim import load_simulator
 from gpsim.errors import UsageError
-from gpsim.recordings import read_recording
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import read_recording, write_recording
 from gpsim.stages.diagnose import read_corrected
 
 from .own_systems import ODD_NAMES, ODD_SLIDER

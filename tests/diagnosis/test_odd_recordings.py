@@ -8,16 +8,13 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _moves, _windows
-from gpsim.diagnosis.data.clock import rebased, thinned
-from gpsim.diagnosis.data.windows import cut, held_out_mask
-from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.problem import predicted
-from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.data import cut, held_out_mask, rebased, thinned
+from gpsim.diagnosis.fitting import Hypothesis, predicted, simulate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, WindowSettings
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut

@@ -6,10 +6,9 @@ from dataclasses import replace
 import pytest
 from rich_diagnoses import friction, named, size
 
-from gpsim.diagnosis.assessment.estimates import estimates
-from gpsim.diagnosis.fitting import Shooting
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.assessment import estimates
+from gpsim.diagnosis.fitting import Hypothesis, Shooting
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import EffectParameter, Place, Term
 from gpsim.findings import Odds, no_size, sized
 from gpsim.recordings import joined

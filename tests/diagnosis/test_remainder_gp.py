@@ -7,9 +7,8 @@ import pytest
 
 from gpsim.diagnosis.assessment.comparison import single_steps
 from gpsim.diagnosis.assessment.remainder_gp import learn, left_with, residual_rates
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.problem import as_it_was, without_sensors
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.fitting import Hypothesis, as_it_was, without_sensors
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
 from gpsim.simulators import make_simulator
 

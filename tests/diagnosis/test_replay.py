@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.channels import difference
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis.assessment.scoring import replayed
+from gpsim.diagnosis.assessment import replayed
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 

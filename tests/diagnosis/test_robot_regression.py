@@ -9,8 +9,7 @@ from mjcf_models import DOUBLE, written
 
 from gpsim.channels import Channel, Channels
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
-from gpsim.diagnosis.setup import prepare
-from gpsim.diagnosis.setup.offers import offers_of
+from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.mjcf import in_its_columns, load_mjcf
 from gpsim.recordings import Episode, Recording
 

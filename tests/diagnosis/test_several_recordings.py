@@ -11,10 +11,10 @@ from gpsim.channels import Channels
 from gpsim.diagnosis import Diagnosis, schema
 from gpsim.diagnosis.assessment.scoring import expected
 from gpsim.diagnosis.data import rebased
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import read_settings
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import EffectParameter, Term, own_values
 from gpsim.errors import UsageError
 from gpsim.recordings import HeldOut, apart, joined

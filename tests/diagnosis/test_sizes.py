@@ -7,9 +7,8 @@ import pytest
 
 from gpsim.channels import Channel, Channels
 from gpsim.corrected import Features
-from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.setup.offers import candidates
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis import diagnose
+from gpsim.diagnosis.setup import candidates, prepare
 from gpsim.effects import Place, effect_of
 from gpsim.simulators import Parameter, make_simulator
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
 from gpsim.recordings import HeldOut
 from gpsim.simulators import make_simulator

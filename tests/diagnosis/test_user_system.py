@@ -11,10 +11,10 @@ from gpsim.cli.main import app
 from typer.testing import CliRunner
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.setup import prepare
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import to_frame, write_recording

@@ -7,13 +7,11 @@ import pytest
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from gpsim.diagnosis.data.windows import cut
-from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis import diagnose
+from gpsim.diagnosis.data import cut
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.settings import WindowSettings
-from gpsim.diagnosis.setup.estimated import filters, undone
-from gpsim.diagnosis.setup.offers import candidates
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.setup import candidates, filters, prepare, undone
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

@@ -7,12 +7,11 @@ import pytest
 
 from gpsim.diagnosis.assessment.remainder_gp import Corrected, best, learn, why_not
 from gpsim.diagnosis.assessment.rollouts import whole_windows
-from gpsim.diagnosis.data.windows import cut, held_out_mask
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.data import cut, held_out_mask
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.settings import WindowSettings
-from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.effects import Term
-from gpsim.effects.term import Gate
+from gpsim.diagnosis.setup import prepare
+from gpsim.effects import Gate, Term
 from gpsim.findings import NoGp
 from gpsim.simulators import make_simulator
 

@@ -1,17 +1,20 @@
-"""Windows of awkward recordings: angles that wrap, many transitions."""
+"""Windows: what they hold, and how long ago commands and velocities turned round."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from gpsim.channels import wrap_angle
 from gpsim.diagnosis.assessment.rollouts import _longest
-from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.recordings import HeldOut, Recording
+from gpsim.simulators import make_simulator
 
 from .worlds import World, record
 
@@ -149,3 +152,40 @@ def test_how_far_back_a_time_lies_is_what_a_look_at_every_sample_says(seed):
             met = [place for place in range(sample + 1) if row[place] <= row[sample] - time]
             furthest = max(furthest, sample - (met[-1] if met else 0))
     assert windows.samples_within(time) == furthest
+
+
+BACK, DT = 12, 0.02
+LEVELS = arrays(np.float64, BACK + 1, elements=st.sampled_from([-2.0, -1.0, 0.0, 1.0, 2.0]))
+
+
+def two_courses(commands, velocities):
+    """One window at the end of both courses (BACK + 1,)."""
+    t = DT * np.arange(BACK + 2)
+    states = np.stack([np.zeros(BACK + 1), velocities], axis=1)
+    return SimpleNamespace(
+        before_t=t[None, : BACK + 1],
+        t=t[None, BACK:],
+        before_actions=commands[None, :BACK, None],
+        actions=commands[None, BACK:, None],
+        before_states=states[None, :BACK],
+        measured=np.repeat(states[None, BACK:], 2, axis=1),
+    )
+
+
+def last_turn(signs):
+    """The index at which a sign differs from the one before it that was not 0; 0 where none does."""
+    known, turned = 0.0, 0
+    for k, sign in enumerate(signs):
+        if sign and known and sign != known:
+            turned = k
+        known = sign or known
+    return turned
+
+
+@given(LEVELS, LEVELS)
+@settings(max_examples=200, deadline=None)
+def test_it_is_the_time_since_the_last_turn(commands, velocities):
+    found = since_reversal(two_courses(commands, velocities), make_simulator("slider"))
+    changes = np.concatenate([[0.0], np.sign(np.diff(commands))])
+    np.testing.assert_allclose(found["force"], [DT * (BACK - last_turn(changes))], atol=1e-6)
+    np.testing.assert_allclose(found["q_dot"], [DT * (BACK - last_turn(np.sign(velocities)))], atol=1e-6)

@@ -10,9 +10,8 @@ from gpsim import load_simulator
 from gpsim.channels import Channels, wrap_angle
 from gpsim.corrected import EffectsPlant, plant_from
 from gpsim.diagnosis.assessment.remainder_gp import _features
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.problem import predicted
-from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.diagnosis.fitting import Hypothesis, predicted
+from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnosis_files import described, plant_of

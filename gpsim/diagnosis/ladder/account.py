@@ -1,9 +1,9 @@
-"""An account: the laws that stand, fitted; what they cost, and what leaving some of them out would."""
+"""An account: the laws that stand, fitted; what they cost, what leaving some of them out would, and how it is told."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, coordinates
 from gpsim.diagnosis.ladder.laws import Law
+from gpsim.effects import RISE, Place, declared, effect_of
 
 OPEN = 1e-13  # of the largest curvature: a direction that is flatter is open
 
@@ -145,3 +146,35 @@ def placed(hypothesis: Hypothesis, z: FloatArray) -> Hypothesis:
     """The hypothesis at coordinates z (P,), within its bounds."""
     own = coordinates(hypothesis.parameters)
     return hypothesis.having(own.natural(np.clip(z, own.low, own.high)))
+
+
+def told(account: Account) -> Hypothesis:
+    """The account's laws as they are told.
+
+    What Stribeck friction adds and the dry friction beside it are one law, where that may be simulated at once.
+    """
+    hypothesis = account.hypothesis
+    for law in account.laws:
+        place = law.candidate.place
+        if law.candidate.family == "stribeck_friction" and law.candidate.variant == RISE and not law.owned:
+            hypothesis = _with_stribeck(hypothesis, place)
+    return hypothesis
+
+
+def _index(hypothesis: Hypothesis, family: str, on: str) -> int | None:
+    return next(
+        (i for i, t in enumerate(hypothesis.terms) if t.identity == (family, on) and not t.gate), None
+    )
+
+
+def _with_stribeck(hypothesis: Hypothesis, place: Place) -> Hypothesis:
+    index, dry = (_index(hypothesis, f, place.on) for f in ("stribeck_friction", "coulomb_friction"))
+    if index is None or (dry is not None and "force" not in hypothesis.terms[dry].values):
+        return hypothesis
+    rise = hypothesis.terms[index]
+    force = hypothesis.terms[dry].values["force"] if dry is not None else 0.0
+    values = {"force": force, "static_force": force + rise.values[RISE]}
+    values["stribeck_velocity"] = rise.values["stribeck_velocity"]
+    own = declared(effect_of("stribeck_friction"), place)
+    rest = hypothesis.without_all([i for i in (index, dry) if i is not None])
+    return rest.plus(replace(rise, values=values, variant=""), own)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
-from gpsim.diagnosis.ladder.account import Account, Quadratic, placed
+from gpsim.diagnosis.ladder.account import Account, Quadratic, placed, told
 from gpsim.diagnosis.ladder.curves import beside, curved, inputs
 from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, laws_of
@@ -24,7 +24,6 @@ from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import FINISH, Search
-from gpsim.diagnosis.ladder.telling import told
 from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, Measured, Term, closed

@@ -1,6 +1,5 @@
 """Settings: what a user may turn, step by step, with unit, meaning, default and reason."""
 
-from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.known import NAMES, NOTHING_KNOWN, Known, read_known
 from gpsim.diagnosis.settings.numbers import (
     IntervalSettings,
@@ -10,6 +9,7 @@ from gpsim.diagnosis.settings.numbers import (
     RolloutSettings,
     VerdictSettings,
     WindowSettings,
+    described,
 )
 from gpsim.diagnosis.settings.settings import WHERE, Settings, as_mapping, read_settings
 

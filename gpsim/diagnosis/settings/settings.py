@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.numbers import (
     ClosedStepSettings,
     CurveSettings,
@@ -19,6 +18,7 @@ from gpsim.diagnosis.settings.numbers import (
     RolloutSettings,
     VerdictSettings,
     WindowSettings,
+    too_small,
 )
 from gpsim.errors import UsageError, near
 from gpsim.settings import build
