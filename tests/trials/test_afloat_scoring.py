@@ -3,10 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from gpsim.cli.main import app
-from typer.testing import CliRunner
 
-from gpsim.errors import UsageError
 from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.scoring_parts import score_afloat
@@ -142,11 +139,3 @@ def test_figures_stand_by_themselves_with_intervals_and_goals():
     assert "5 robots that float or stand" in text
     assert "wrong: viscous_friction on base.surge (not told)" in text
     assert any(sheet.title == "Afloat" for sheet in terminal_sheets(found))
-
-
-def test_the_option_is_of_the_system_mjcf(tmp_path):
-    out = tmp_path / "proof"
-    result = CliRunner().invoke(app, ["prove", "conceal", "--out", str(out), "--floating", "3"])
-    assert isinstance(result.exception, UsageError)
-    assert "--floating: such robots are worlds of --system mjcf" in str(result.exception)
-    assert not out.exists()

@@ -16,7 +16,7 @@ from gpsim.trials.blinding import recording_digests, write_trial
 from gpsim.trials.drawing import plan_rank
 from gpsim.trials.robots import afloat
 from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, dealt, draw_afloat, items_of
-from gpsim.trials.robots.floating import Mover, kept_afloat, run_afloat, shown_afloat, turned
+from gpsim.trials.robots.floating import Mover, kept_afloat, run_afloat, turned
 from gpsim.trials.robots.models import AFLOAT, layout_of
 from gpsim.trials.worlds import TrueEffect
 
@@ -150,15 +150,6 @@ def test_a_dog_that_is_overloaded_falls_and_is_cut_there(short):
     e = int(np.argmin(kept))
     assert truth.free[int(kept[e]) - 1, e] == 1.0
     assert not truth.clean[int(kept[e]) :, e].any()
-
-
-def test_what_is_strong_shows_and_what_is_weak_does_not(short):
-    weak, strong = (TrueEffect("viscous_friction", "base.surge", {"damping": d}) for d in (1e-4, 0.4))
-    for effect, shows in ((weak, False), (strong, True)):
-        world = world_of("quadrotor", [effect])
-        truth = run_afloat(world)
-        (seen,) = shown_afloat(world, truth, kept_afloat(truth))
-        assert (seen >= 4.0) is shows
 
 
 def test_a_concealed_world_is_the_same_bytes_and_its_answer_is_not_public(short, tmp_path):

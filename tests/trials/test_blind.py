@@ -180,9 +180,31 @@ def test_diagnosing_without_published_hashes_is_refused(tmp_path):
     assert "no hashes" in str(result.exception)
 
 
-@pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "--seed", "7", "conceal", "--out", "x"], ["prove", "--no-long", "conceal", "--out", "x"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
+MJCF = "prove conceal --system mjcf --out x"
+REFUSED = {
+    "prove": "",
+    "prove --out x diagnose": "",
+    "prove --seed 7 conceal --out x": "",
+    "prove --no-long conceal --out x": "",
+    "prove reveal --out nowhere": "",
+    "prove answers nowhere": "",
+    "prove conceal --out x --stratum odd": "no stratum 'odd'",
+    "prove conceal --out x --stratum machines": "--machines 20",
+    "prove conceal --out x --stratum whole": "--system mjcf --robots 20",
+    "prove conceal --out x --robots 3": "say that, too",
+    "prove conceal --out x --floating 3": "--floating: such robots are worlds of --system mjcf",
+    "prove conceal --out x --trials 0": "no worlds",
+    f"{MJCF} --rough 3": "neither rough nor long nor machines",
+    f"{MJCF} --machines 2": "leave --rough, --machines",
+    f"{MJCF} --plan 2": "nor for plans",
+    f"{MJCF} --stratum triple": "no stratum 'triple' of --system mjcf",
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
 def test_bad_input_is_one_line(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, words)
+    result = CliRunner().invoke(app, words.split())
     assert isinstance(result.exception, UsageError)
+    assert REFUSED[words] in str(result.exception)
     assert not list(tmp_path.iterdir())

@@ -95,17 +95,6 @@ def test_the_truth_of_a_force_against_scipy():
     np.testing.assert_allclose(states[-1], found.y[:, -1], atol=2e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", PLACES)
-def test_a_law_of_no_size_changes_nothing_and_others_show(kind):
-    world, truth = made(kind)
-    (effect,) = world.effects
-    none = replace(effect, values={**effect.values, "size": 0.0})
-    without = bare(world.system)[1].clean
-    np.testing.assert_allclose(run(world, [none]).clean, without, rtol=1e-12, atol=1e-12)
-    assert np.abs(truth.clean - without).max() > 1e-3
-
-
 @pytest.mark.parametrize("kind", PLACES)
 def test_the_answer_says_what_the_law_adds_where_the_recording_went(kind):
     world, truth = made(kind)
@@ -201,18 +190,6 @@ def test_the_mean_of_a_curve_may_be_told_beside_it():
     assert not found["named_wrong"]
 
 
-def test_beyond_its_ends_a_curve_holds_what_it_adds():
-    """As the effect does: what a sensor adds, and not what it reads."""
-    answer = answer_of("free_reading")
-    curve = curve_of("free_reading", answer)
-    own, half = curve["curve"], slice(10, 31)
-    cut = own | {"at": own["at"][half], "values": own["values"][half]}
-    truth = answer.content["curve"]
-    adds = np.interp(truth["at"], cut["at"], np.subtract(cut["values"], cut["at"]))
-    off = np.sqrt(np.mean((adds - truth["adds"]) ** 2)) / np.ptp(truth["adds"])
-    assert score_curve(answer, report_of(curve | {"curve": cut}))["off"] == pytest.approx(off)
-
-
 def test_where_but_two_commands_were_given_no_law_is_told_from_a_line():
     answer = answer_of("free_command")
     truth = answer.content["curve"]
@@ -267,18 +244,3 @@ def test_the_figures_of_curves():
     assert curves["misses"] == [str(CURVES_FROM + 1), str(CURVES_FROM + 2)]
     assert content["all"]["n"] == 0
     assert content["goals"]["curves.curve_right"]["got"] == curves["curve_right"]
-
-
-def test_tables_show_curves():
-    from gpsim.reports.prove_sheets import brief_sheets, group_sheets
-
-    kind = "free_command"
-    answer = answer_of(kind)
-    beside = {"long": False, "system": "slider", "noise_level": "light", "velocities": "measured",
-              "excitation": "sines", "strength": "plain", "seconds": 10.0, "error": None}  # fmt: skip
-    content = summarise(
-        [score_curve(answer, report_of(curve_of(kind, answer))) | beside | {"trial": "75001"}]
-    )
-    titles = [sheet.title for sheet in group_sheets(content)]
-    assert titles[0] == "Measured curves"
-    assert [sheet.title for sheet in brief_sheets(content)] == ["Measured curves"]

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from gpsim.reports.prove_page import miss_rows, record
-from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
+from gpsim.reports.prove_page import miss_rows
 from gpsim.trials.judged import MachineListing, Seen
 from gpsim.trials.scoring_parts import black_box, of_first, score_machine
 from gpsim.trials.summary import summarise
@@ -150,12 +149,6 @@ def test_of_several_recordings_what_is_said_of_the_first_counts():
     assert score_machine(machine_answer(), first, listing())["right"]
 
 
-def test_a_failed_diagnosis_tells_nothing():
-    found = score_machine(machine_answer(), None, listing())
-    assert (found["verdict"], found["told"], found["counting"], found["right"]) == ("failed", 0, 2, False)
-    assert score_machine(machine_answer(), None, None)["counting"] == 3
-
-
 @pytest.fixture
 def content():
     beside = {
@@ -197,16 +190,3 @@ def test_the_figures_of_machines(content):
     assert content["n"] == content["all"]["n"] == 0
     assert content["goals"]["machines.told"]["reached"] is False
     assert content["goals"]["machines.spurious"]["reached"] is True
-
-
-def test_tables_show_machines_and_their_misses(content):
-    (figures, verdicts, *_) = group_sheets(content)
-    assert figures.columns == ("", "all", "axis")
-    assert [cell.text for cell in figures.rows[1]] == ["effects that count, told %", "50.0", "50.0"]
-    assert figures in terminal_sheets(content)
-    assert verdicts.title.startswith("Whole machines: verdict")
-    told_row = next(r for r in goals_sheet(content).rows if r[0].text == "machines: effects that count, told")
-    assert told_row[-1].text == "5/10"
-    text = record(content)
-    assert "5 whole machines" in text
-    assert "named (explained 0.95)" in text

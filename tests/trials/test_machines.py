@@ -5,17 +5,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gpsim.cli.main import app
 from scipy.integrate import solve_ivp
-from typer.testing import CliRunner
 
-from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages import prove
-from gpsim.trials import blinding, concealing
+from gpsim.trials import blinding
 from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, recording_folders, write_trial
-from gpsim.trials.concealing import logged
-from gpsim.trials.driving import FREE, _trapezoid, drive, starts
+from gpsim.trials.driving import FREE, drive, starts
 from gpsim.trials.machines import (
     ARM,
     FEWEST,
@@ -24,7 +20,6 @@ from gpsim.trials.machines import (
     MOST,
     PARTS,
     Sizes,
-    _sessions,
     draw_machine,
     kind_of,
     machine_rank,
@@ -33,7 +28,7 @@ from gpsim.trials.machines import (
 from gpsim.trials.robots.draws import ARMS, arms_places
 from gpsim.trials.robots.models import layout_of
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import SYSTEMS, Machine, Rough, Session, TrueEffect, world_from_json, world_json
+from gpsim.trials.worlds import SYSTEMS, Machine, Session, TrueEffect, world_from_json, world_json
 
 from .outside_worlds import BOB, CART, world_of
 
@@ -57,28 +52,6 @@ def test_a_machine_has_four_to_eight_effects_that_do_not_exclude_each_other(kind
         assert all(np.isfinite(list(e.values.values())).all() for e in made)
 
 
-def test_every_family_of_a_class_is_drawn():
-    for kind, (system, parts) in PARTS.items():
-        rng = np.random.default_rng(1)
-        made = {e.name for _ in range(120) for e in parts_of(kind, Sizes(rng, NOMINAL[system], 0.01))}
-        assert made == {f"{p.family} on {p.on}" for p in parts}
-
-
-def test_several_recordings_are_driven_in_other_ways_and_zeros_differ():
-    effects = (TrueEffect("sensor_bias", "theta", {"offset": 0.02}),)
-    rng = np.random.default_rng(5)
-    found = [_sessions("servo", 0.01, effects, True, False, rng) for _ in range(20)]
-    assert {len(s) for s in found} == {2, 3}
-    for sessions in found:
-        assert len({s.excitation for s in sessions}) == len(sessions)
-        assert sessions[0].excitation != FREE  # it says nothing of the motor
-        assert sessions[0].changes == {}
-        assert all(s.changes["sensor_bias on theta"]["offset"] != 0.02 for s in sessions[1:])
-        assert len({s.clock for s in sessions}) == len(sessions)
-    (alone,) = _sessions("servo", 0.01, effects, False, False, rng)
-    assert alone.clock == 0.0
-
-
 @pytest.mark.parametrize(
     ("found", "kinds"),
     [
@@ -99,33 +72,7 @@ def test_numbers_of_machines_follow_the_others_and_have_arms_where_their_models_
     assert [machine_rank(n) for n in (2, 100_001, MACHINES_FROM + 1)] == [None, None, 0]
 
 
-def test_machines_are_counted_by_themselves():
-    with pytest.raises(UsageError, match="--machines 20"):
-        prove.numbers_of(1, ["machines"])
-    with pytest.raises(UsageError, match="of rough logs, machines"):
-        prove.numbers_of(0)
-
-
-def test_robots_and_machines_are_asked_for_apart(tmp_path):
-    words = ["prove", "conceal", "--system", "mjcf", "--machines", "2", "--out", str(tmp_path / "proof")]
-    result = CliRunner().invoke(app, words)
-    assert "leave --rough, --machines" in (str(result.exception) + result.output)
-    assert not (tmp_path / "proof").exists()
-
-
 # How it is driven
-
-
-def test_a_trapezoid_of_velocity_goes_all_the_way_and_keeps_its_limits():
-    dt, way, speed, ramp = 1e-3, 0.3, 0.2, 1.0
-    path = np.concatenate([[0.0], _trapezoid(way, speed, ramp, dt)])
-    v = np.diff(path) / dt
-    assert path[-1] == pytest.approx(way, abs=1e-6)
-    assert v.max() == pytest.approx(speed, rel=1e-6)
-    assert np.abs(np.diff(v) / dt).max() == pytest.approx(ramp, rel=1e-6)
-    short = _trapezoid(0.01, speed, ramp, dt)  # too short for the full speed
-    assert short[-1] == pytest.approx(0.01, abs=1e-6)
-    assert (np.diff(short) / dt).max() < 0.11
 
 
 @pytest.mark.slow
@@ -267,10 +214,6 @@ def test_the_same_number_draws_the_same_machine(written):
     assert [e.name for e in again.effects] == [f"{e['family']} on {e['on']}" for e in answer["effects"]]
 
 
-def test_one_recording_lies_in_the_folder_itself(tmp_path):
-    assert recording_folders(tmp_path) == [tmp_path]
-
-
 def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
     for name in "12":
         folder = tmp_path / PUBLIC / "300001" / name
@@ -308,19 +251,3 @@ def test_an_arm_is_published_with_its_model(tmp_path):
     answer = json.loads((tmp_path / PRIVATE / name / ANSWER).read_text())
     assert sum(e["beyond"] >= 4.0 for e in answer["effects"]) >= 4
     assert read_recording(folder).model == "robot.xml"
-
-
-def test_of_a_machine_that_logs_positions_alone_nobody_reads_velocities():
-    session = Session("multisine", "hanging", 3, 500)
-    world = world_of(
-        "cartpole",
-        (TrueEffect("viscous_friction", "x", {"damping": 0.5}),),
-        excitation="multisine", posture="hanging", dt=0.01, steps=500, episodes=3, parameters=CART,
-        velocities="differentiated", machine=Machine("rig", True, (session,)),
-    )  # fmt: skip
-    ran = concealing._ran(world, 1200)
-    log = logged(world, Rough(), ran.even)
-    recording = concealing._as_kept(ran, log.recording)
-    assert recording.state.names == ("x", "theta")
-    assert (recording.velocities, set(recording.noise) - {"x", "theta"}) == (None, set())
-    assert {e.states.shape[1] for e in recording.episodes} == {2}

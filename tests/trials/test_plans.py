@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gpsim.cli.main import main
 
 from gpsim.stages.prove import numbers_of
 from gpsim.trials.concealing import conceal, played
 from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of, draw_plan, plan_rank
-from gpsim.trials.figures import plan_figures
 from gpsim.trials.plan_rivals import PLANNED, Decided, Second, compared
 from gpsim.trials.scoring_parts import score_plan_kinds
 from gpsim.trials.worlds import TrueEffect
@@ -54,33 +52,6 @@ def test_what_is_played_begins_at_rest_and_whoever_leaves_the_box_is_stopped(lat
     assert not np.array_equal(other.episodes[0].states[:, 0], late.recordings[0].episodes[0].states[:41, 0])
 
 
-def score(trial, seconds, left=False):
-    kinds = {
-        kind: {"nats": 1.0, "seconds": s, "left": left and kind == "chirp"}
-        for kind, s in zip((PLANNED, "chirp", "PRBS"), seconds, strict=True)
-    }
-    counts = any(s is not None for s in seconds)
-    return {
-        "trial": trial, "verdict": "ambiguous", "open": True, "listed": True, "counts": counts, "kinds": kinds,
-        "right": not counts or seconds[0] is not None,
-    }  # fmt: skip
-
-
-def test_shares_are_of_worlds_that_something_resolves():
-    found = plan_figures(
-        [
-            score("a", (1.0, 4.0, 2.0)),
-            score("b", (None, None, 3.0), left=True),
-            score("c", (None, None, None)),
-        ]
-    )
-    assert (found["drawn"], found["n"], found["misses"]) == (3, 2, ["b"])
-    assert found["kinds"][PLANNED]["resolved"] == 1
-    assert found["kinds"]["chirp"]["left"] == 1
-    assert found["kinds"]["PRBS"]["median_seconds"] == 2.5
-    assert np.isinf(found["over_fixed"])  # of two worlds the plan decides one: its median is never
-
-
 def test_seconds_are_those_of_the_part_after_which_it_was_decided():
     second = Second(20.0, True, {PLANNED: Decided(0.25, 9.0, False), "chirp": Decided(None, 1.0, True)})
     assert score_plan_kinds(second) == {
@@ -96,11 +67,3 @@ def test_a_truth_that_no_explanation_holds_is_not_compared(late):
     world = replace(late.world, effects=(TrueEffect("spring", "theta", {"stiffness": 1.0}),))
     found = compared(world, late.limits, late.recordings[0], made_posterior(*LAG_OR_DELAY), None)
     assert not found.listed
-
-
-def test_robots_have_no_plans(monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["gpsim", "prove", "--system", "mjcf", "--plan", "2", "--out", "x"])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "nor for plans" in capsys.readouterr().err

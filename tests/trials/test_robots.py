@@ -22,7 +22,7 @@ from gpsim.trials.robots.draws import (
 )
 from gpsim.trials.robots.driving import run, sound
 from gpsim.trials.robots.models import ROBOTS, Drives, Robot, files_of, layout_of, spec_of
-from gpsim.trials.robots.moving import QUARTER, SHOWS, Plant, recorded, shown, tilted
+from gpsim.trials.robots.moving import QUARTER, SHOWS, Plant, recorded, shown
 from gpsim.trials.worlds import TrueEffect
 
 mujoco = pytest.importorskip("mujoco")
@@ -96,15 +96,6 @@ def test_dry_friction_stops_a_block_where_its_work_is_done_and_holds_it(small):
     assert slides[-1, 0] == pytest.approx((4.0 - friction) / mass * t[-1] ** 2 / 2, rel=5e-3)
 
 
-def test_stribeck_friction_is_that_of_its_speed(small):
-    values = {"force": 1.0, "static_force": 2.0, "stribeck_velocity": 0.2}
-    states, t = moved("block", [TrueEffect("stribeck_friction", "x", values)], (0.0, 1.0), (0.0,), 0.2)
-    slow, dt = 1.0, 1e-5
-    for _ in range(round(t[-1] / dt)):
-        slow -= dt / 2.0 * (1.0 + np.exp(-((slow / 0.2) ** 2)))
-    assert states[-1, 1] == pytest.approx(slow, abs=1e-4)
-
-
 def test_payload_tilt_and_armature_enter_the_equation_of_a_rod(small):
     """I q'' = -g (m l sin(q - pitch) ...) + servo, by a scheme of its own."""
     load, at, rotor, pitch = 0.4, -0.8, 0.05, 0.1
@@ -132,12 +123,6 @@ def test_payload_tilt_and_armature_enter_the_equation_of_a_rod(small):
         k3 = slope(y + dt / 2 * k2)
         y = y + dt / 6 * (k1 + 2 * k2 + 2 * k3 + slope(y + dt * k3))
     np.testing.assert_allclose(states[-1], y, atol=1e-6)
-
-
-def test_gravity_in_a_tilted_base_keeps_its_size_and_leans():
-    seen = tilted(np.array([0.0, 0.0, -9.81]), 0.1, 0.2)
-    assert np.linalg.norm(seen) == pytest.approx(9.81)
-    assert seen[1] < 0 < seen[0]
 
 
 @pytest.mark.parametrize("robot", sorted(ROBOTS))
@@ -233,12 +218,6 @@ def test_every_family_comes_once_a_cycle_and_no_two_of_a_world_are_alike():
     for r in (r for r in range(1, 160) if stratum_of(r)[0] == "pair"):
         one, other = (family for family, _ in planned(11, ROBOTS_FROM + r)[1])
         assert not any({one, other} <= group for group in ALIKE)
-
-
-def test_every_robot_has_as_many_worlds_with_nothing_missing():
-    nulls = [r for r in range(1, 169) if stratum_of(r)[0] == "none"]
-    counts = Counter(planned(11, ROBOTS_FROM + r)[0].system for r in nulls)
-    assert counts == dict.fromkeys(ROBOTS, 7)
 
 
 def test_the_same_trial_is_the_same_world_and_another_seed_is_another():

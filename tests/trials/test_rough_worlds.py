@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gpsim.cli.main import app
-from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
@@ -14,7 +12,7 @@ from gpsim.stages import prove
 from gpsim.trials import outside
 from gpsim.trials.blinding import ANSWER, PUBLIC, write_trial
 from gpsim.trials.concealing import conceal, even_recording, logged
-from gpsim.trials.rough import ROUGH_FROM, draw_rough, rank_of
+from gpsim.trials.rough import ROUGH_FROM, rank_of
 from gpsim.trials.shares import Shares
 from gpsim.trials.truth import Replay, run
 from gpsim.trials.worlds import SYSTEMS, Rough, TrueEffect, world_from_json
@@ -49,34 +47,6 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     assert len(world.rough.defects) >= 3
     assert Shares(world, run(world, world.effects), np.full(world.episodes, world.steps + 1.0)).late() < 0.04
     assert concealed.recordings[0].transition_count < 8000
-
-
-@pytest.mark.slow
-def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
-    """Other fine steps, and rollouts from every sample, begun where the truth was."""
-    world = concealed.world
-    truth = run(world, world.effects, world.dt / 40)
-    assert np.isfinite(truth.clean).all()
-    held = np.arange(round(0.8 * world.episodes), world.episodes)
-    k, e = np.meshgrid(np.arange(0, world.steps - 60, 3), held, indexing="ij")
-    picks, length = np.stack([k.ravel(), e.ravel()]), min(round(1.0 / world.dt), 59)
-    columns = [SYSTEMS[world.system].names.index(c) for c in concealed.rough["channels"]]
-
-    def squares(effects):
-        said = Replay(world, truth, effects).readings(picks, length)
-        true = np.stack([truth.clean[picks[0] + j, picks[1]] for j in range(1, length + 1)])
-        return np.mean((true - said) ** 2, axis=(0, 1))[columns]
-
-    before = squares(())
-    weights = before / truth.clean[:, held].std(axis=(0, 1))[columns] ** 2
-    explained = weights @ np.clip(1 - squares(world.main) / before, 0, 1) / weights.sum()
-    assert explained == pytest.approx(concealed.rough["explained"], abs=0.04)
-    for effect, share in zip(
-        [e for e in world.effects if e.outside], concealed.rough["nuisances"], strict=True
-    ):
-        without = [e for e in world.effects if e is not effect]
-        found = weights @ np.clip(squares(without) / before, 0, 1) / weights.sum()
-        assert 1 / 1.6 < found / share < 1.6
 
 
 MASS, DAMPING, CUBIC, PUSH, RATE = 2.0, 3.0, 4.0, 0.6, 7.0
@@ -269,16 +239,6 @@ def test_the_answer_holds_what_decides(concealed):
     assert world_from_json(content["world"], content["effects"]) == concealed.world
 
 
-def test_positions_alone_are_differentiated_as_users_do(even):
-    world, recording = even
-    only = replace(world, velocities="differentiated", smoothing="central")
-    log = logged(only, Rough(jitter=0.05 * world.dt), recording).recording
-    for episode in log.episodes:
-        np.testing.assert_allclose(
-            episode.states[:, 1], np.gradient(episode.states[:, 0], episode.t), atol=1e-8
-        )
-
-
 PLAIN = {
     (7, 5): (
         "673372a202429b9944c2c0a730fb5519510f25ceda2c0dbeaee246d158208e85",
@@ -310,25 +270,3 @@ def test_rough_worlds_are_counted_behind_all_others():
         prove.numbers_of(3, ["rough"])
     with pytest.raises(UsageError, match="no worlds"):
         prove.numbers_of(0)
-
-
-def test_an_attempt_whose_main_effects_do_not_lead_gives_none():
-    assert draw_rough(6, ROUGH_FROM + 2) is None
-
-
-def test_one_command_runs_plain_and_rough_worlds_and_takes_up_what_is_there(monkeypatch, tmp_path):
-    asked = []
-    monkeypatch.setattr(prove, "conceal", lambda out, seed, numbers, *rest: asked.append((seed, numbers)))
-    words = ["prove", "conceal", "--trials", "2", "--rough", "1", "--seed", "6", "--out", str(tmp_path)]
-    assert CliRunner().invoke(app, words).exit_code == 0
-    assert asked == [(6, [1, 2, ROUGH_FROM + 1])]
-    nothing = CliRunner().invoke(app, ["prove", "conceal", "--trials", "0", "--out", str(tmp_path)])
-    assert nothing.exit_code != 0
-
-
-def test_answers_of_rough_worlds_are_listed_with_what_decides(monkeypatch, tmp_path, concealed):
-    content = concealed.answer("0")
-    monkeypatch.setattr(prove, "read_answers", lambda out: [content])
-    shown = CliRunner().invoke(app, ["prove", "answers", str(tmp_path)]).output
-    assert f"explained {concealed.rough['explained']:.3f}" in shown
-    assert shown.count("nuisance") == len(concealed.rough["nuisances"])

@@ -1,7 +1,5 @@
 """Scoring: what counts as right, written down as cases."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from gpsim.trials.concealing import conceal
 from gpsim.trials.fits import Rival
 from gpsim.trials.intervals import interval, median_interval, rate, share_interval
 from gpsim.trials.scoring import held_out_fit, score
-from gpsim.trials.summary import parameter_figures, summarise, worst_fit
+from gpsim.trials.summary import summarise, worst_fit
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 
@@ -90,14 +88,6 @@ def test_ambiguous_is_right_only_if_every_member_is_listed(rivals, right):
     assert score(answer("single", DAMPED), told, rivals)["right"] is right
 
 
-def test_ambiguous_without_the_truth_is_wrong_though_every_member_is_listed():
-    twins = [*TWIN, Rival((("constant_force", "q"),), 0.1, False)]
-    told = report("ambiguous", [said("actuator_gain", "force")], [[said("constant_force")]])
-    assert not score(answer("single", DAMPED), told, twins)["right"]
-    with_truth = report("ambiguous", [said("actuator_gain", "force")], [[said("viscous_friction")]])
-    assert score(answer("single", DAMPED), with_truth, twins)["right"]
-
-
 def test_half_a_pair_is_no_pair():
     pair = [*DAMPED, TrueEffect("actuator_delay", "force", {"delay": 0.05})]
     assert not score(answer("pair", pair), report("named", [said("viscous_friction")]), [])["right"]
@@ -126,19 +116,6 @@ def test_a_wrong_name_needs_odds_above_ten(nats, probability, wrong):
     told = report("named", [said("spring", nats=nats, probability=probability)])
     assert score(answer("unknown", STRANGE), told, [])["named_wrong"] is wrong
     assert score(answer("unknown", STRANGE), report("unknown"), [])["right"]
-
-
-def test_what_ambiguous_answers_have_in_common_is_asserted():
-    """Two rivals that are both sure of a wrong mass, and differ in what else there is."""
-    mass, other, third = (
-        said("parameter_offset", "mass", nats=80.0),
-        said("spring", nats=1.0),
-        said("gravity", nats=1.0),
-    )
-    told = report("ambiguous", [mass, other], [[mass, third]])
-    assert score(answer("unknown", STRANGE), told, [])["named_wrong"]
-    undecided = report("ambiguous", [said("spring", nats=1.0)], [[said("viscous_friction", nats=-1.0)]])
-    assert not score(answer("unknown", STRANGE), undecided, [])["named_wrong"]
 
 
 def test_a_gate_has_to_be_found_where_it_is():
@@ -176,12 +153,6 @@ def test_every_gate_belongs_to_its_own_effect():
     assert (found["iou"], found["onset_error"]) == (0.0, 1.0)
     one_more = named_pair({"region": {"q": [0.0, 0.5]}, "since": 4.0}, {"since": 4.0})
     assert not score(answer("pair", GATED_PAIR), one_more, [])["gate_right"]
-
-
-def test_the_worst_of_two_gates_decides():
-    regions = [replace(GATED_PAIR[0]), replace(GATED_PAIR[1], since=None, region={"q": (-1.0, 0.0)})]
-    told = named_pair({"region": {"q": [0.0, 0.5]}}, {"region": {"q": [-0.6, 0.0]}})
-    assert score(answer("pair", regions), told, [])["iou"] == pytest.approx(0.6)
 
 
 def test_an_equivalent_carries_the_gate_of_the_effect_that_it_replaces():
@@ -287,13 +258,6 @@ def test_values_of_one_world_make_no_share_surer():
     assert share_interval([[False]] * 20 + [[]]) == interval(0, 20)
 
 
-def test_the_coverage_of_intervals_is_as_sure_as_there_are_worlds():
-    worlds = [[{"covered": i % 5 > 0, "has_scale": False}] * 4 for i in range(40)]
-    found = parameter_figures(worlds)["parameters"]
-    assert found["coverage_90"] == 0.8
-    assert found["interval"] == pytest.approx(interval(32, 40), abs=0.04)
-
-
 EXTRA = {
     "long": False, "seconds": 10.0, "sindy": None, "noise_level": "clean", "noise_known": True, "engine": "rk4",
     "velocities": "measured", "system": "slider", "excitation": "sines", "strength": "plain", "gate": "everywhere",
@@ -305,22 +269,6 @@ def scored(*answers_and_reports):
         score(told, given, []) | EXTRA | {"trial": f"{i:04d}", "seconds": 10.0 + i}
         for i, (told, given) in enumerate(answers_and_reports, start=1)
     ]
-
-
-def test_the_summary_counts_what_was_scored():
-    scores = scored(
-        (answer("single", DAMPED), report("named", [said("viscous_friction")])),
-        (answer("single", DAMPED), report("named", [said("spring")])),
-        (answer("none", []), report("none")),
-    )
-    found = summarise(scores)
-    assert found["single"]["n"] == 2
-    assert found["single"]["right"] == 1
-    assert found["none"]["false_alarms"] == 0
-    assert found["misses"] == ["0002"]
-    assert found["parameters"]["coverage_90"] == 1.0
-    assert found["goals"]["single.share"]["reached"] is False
-    assert found["confusion"]["viscous_friction"] == {"spring": 1, "viscous_friction": 1}
 
 
 def test_the_summary_tells_the_parts_of_an_answer_apart():

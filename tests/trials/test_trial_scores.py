@@ -165,12 +165,6 @@ def test_recordings_that_somebody_else_concealed_are_not_drawn_anew(proof):
     assert {p: p.read_bytes() for p in (proof / "public").rglob("*") if p.is_file()} == before
 
 
-def test_a_copy_beside_the_diagnoses_is_nobodys_trial(proof, fits, monkeypatch):
-    monkeypatch.setattr(prove, "run_trials", run_here)
-    shutil.copytree(proof / "diagnoses" / NAME, proof / "diagnoses" / f"{NAME}.bak")
-    assert prove.reveal(proof, None, Local(1), lambda *_: None)["all"]["n"] == 2
-
-
 @pytest.mark.parametrize(("code", "words"), [(1, "error: the disk is full"), (-9, "killed by signal 9")])
 def test_a_diagnosis_that_failed_after_it_was_written_is_none(concealed, tmp_path, monkeypatch, code, words):
     out = tmp_path / "proof"

@@ -133,12 +133,6 @@ def test_late_commands_act_for_the_rest_of_a_sample():
     np.testing.assert_allclose(found, other.sample(ACTION, ACTION, n - 15)[0], atol=1e-12)
 
 
-def test_halving_the_step_moves_less_than_the_noise(planar):
-    world = replace(draw_whole(3, WHOLE_FROM + 1), episodes=2, steps=150)
-    first, second = (run_whole(world, h).fine for h in (step_of("planar"), step_of("planar") / 2))
-    assert np.abs(first - second)[..., 0::2].max() < min(world.noise[j] for j in ("shoulder", "elbow"))
-
-
 def test_what_the_effects_ask_for_together_is_what_the_motors_gave(planar):
     """The torque worked out from the motion is that of the commands, which the true model was moved by."""
     world = draw_whole(3, WHOLE_FROM + 2)

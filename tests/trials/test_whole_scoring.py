@@ -3,10 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from gpsim.cli.main import app
-from typer.testing import CliRunner
 
-from gpsim.errors import UsageError
 from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheets
 from gpsim.trials.judged import WholeListing
@@ -133,12 +130,6 @@ def test_only_headlines_are_spurious_and_the_same_by_another_name_is_not():
     assert scored([*all_of_it(), said("joint_offset", "shoulder", "offset", 0.01)])["spurious"] == 1
 
 
-def test_a_failed_diagnosis_is_wrong_in_all():
-    found = score_whole(answer(), None, None)
-    assert not any(part["right"] for part in (*found["rows"], *found["bodies"]))
-    assert (found["verdict"], found["right"]) == ("failed", False)
-
-
 def with_world(score, trial, **more):
     world = {
         "trial": trial, "visible": True, "long": False, "seconds": 100.0, "system": "planar_servos", "velocities": None,
@@ -173,15 +164,3 @@ def test_figures_of_whole_robots_stand_by_themselves_with_intervals_and_goals():
     assert "3 whole robots" in text
     assert "wrong: coulomb_friction on shoulder (not told)" in text
     assert any(sheet.title == "Whole robots" for sheet in terminal_sheets(found))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [(["--robots", "3"], "say that, too"), (["--stratum", "whole"], "--system mjcf --robots 20")],
-)
-def test_bad_options_are_one_line_and_nothing_is_written(words, message, tmp_path):
-    out = tmp_path / "proof"
-    result = CliRunner().invoke(app, ["prove", "conceal", "--out", str(out), *words])
-    assert isinstance(result.exception, UsageError) or result.exit_code == 2
-    assert message in (str(result.exception) + result.output)
-    assert not out.exists()
