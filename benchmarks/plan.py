@@ -24,11 +24,11 @@ from gpsim.posterior import Explanation, LeftOpen, visited_of
 from gpsim.simulators import make_simulator
 from gpsim.stages.plan import planned
 from gpsim.trials.concealing import MINUTES, conceal
-from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of
+from gpsim.trials.drawing import HIDDEN, box_of
 from gpsim.trials.figures import plan_figures
 from gpsim.trials.plan_rivals import compared
 from gpsim.trials.scoring_parts import score_plan_kinds
-from gpsim.trials.worlds import World
+from gpsim.trials.worlds import FROM, World
 
 TIE = np.log(10.0)
 
@@ -140,7 +140,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1, help="number of the first world")
     parser.add_argument("words", nargs="*", help="settings of the plan, as piece=4")
     given = parser.parse_args()
-    numbers = range(PLANS_FROM + given.first, PLANS_FROM + given.first + given.worlds)
+    numbers = range(FROM["plans"] + given.first, FROM["plans"] + given.first + given.worlds)
     found = plan_figures([tried(given.seed, number, given.words) for number in numbers])
     print(f"{found['drawn']} worlds, {found['open']} left open, {found['n']} that something resolves")
     for kind, each in found["kinds"].items():

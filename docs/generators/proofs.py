@@ -6,7 +6,7 @@ from pathlib import Path
 from gpsim.reports.prove_page import record_sheets, section
 from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.reports.sheets import fixed, significant
-from gpsim.trials.goals import GOALS
+from gpsim.trials.summary import GOALS
 
 from . import MADE
 

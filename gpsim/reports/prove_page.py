@@ -9,7 +9,7 @@ from typing import Any
 from gpsim.reports.canvas import page_of, resource
 from gpsim.reports.prove_sheets import GROUPS, proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, printable, row, sheet
-from gpsim.trials.goals import EQUIVALENT
+from gpsim.trials.summary import EQUIVALENT
 
 Json = Mapping[str, Any]
 MOST_NAMED = 10

@@ -12,7 +12,7 @@ from typing import Any
 
 from gpsim.recordings import parse_yaml
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
-from gpsim.trials.goals import GOALS, bounds_of
+from gpsim.trials.summary import GOALS, bounds_of
 
 Json = Mapping[str, Any]
 VERDICTS = ("named", "ambiguous", "partial", "unknown", "none", "failed")

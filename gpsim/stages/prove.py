@@ -30,14 +30,12 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import CURVES_FROM, PLANS_FROM, WORDS_FROM, stratum_of
-from gpsim.trials.machines import ARM, MACHINES_FROM, kind_of
-from gpsim.trials.robots import AFLOAT_FROM, ROBOTS_FROM, WHOLE_FROM
+from gpsim.trials.drawing import stratum_of
+from gpsim.trials.machines import ARM, kind_of
 from gpsim.trials.robots import stratum_of as robots_stratum
-from gpsim.trials.rough import ROUGH_FROM
 from gpsim.trials.scoring import score_trial
 from gpsim.trials.summary import summarise
-from gpsim.trials.worlds import STRATA
+from gpsim.trials.worlds import FROM, STRATA
 
 CONFIG = "trials.json"
 OPTION = "--out"  # names another place, where this one cannot be written
@@ -77,14 +75,14 @@ def numbers_of(
             "no worlds: say how many with --trials, or of rough logs, machines, curves and plans with --rough, "
             "--machines, --curves, --plan"
         )
-    first = WORDS_FROM + 1 if "words" in strata else 1
+    first = FROM["words"] + 1 if "words" in strata else 1
     plain_ones = islice((n for n in count(first) if wanted(n)), trials)
-    after = ((CURVES_FROM, curves), (ROUGH_FROM, rough))
+    after = ((FROM["curves"], curves), (FROM["rough"], rough))
     counted = [number for first, many in after for number in range(first + 1, first + many + 1)]
-    plans = range(PLANS_FROM + 1, PLANS_FROM + plan + 1)
+    plans = range(FROM["plans"] + 1, FROM["plans"] + plan + 1)
     packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
     with_arms = {"mujoco", "example-robot-data"} <= packages  # which arms need
-    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
+    able = (n for n in count(FROM["machines"] + 1) if with_arms or kind_of(n) != ARM)
     return [*plain_ones, *counted, *islice(able, machines), *plans]
 
 
@@ -109,8 +107,8 @@ def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0, floa
             "no worlds: say how many with --trials, --robots for whole robots, --floating for what floats or stands"
         )
     wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
-    few = [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
-    others = ((WHOLE_FROM, whole), (AFLOAT_FROM, floating))
+    few = [FROM["robots"] + rank for rank in islice(wanted, trials)]
+    others = ((FROM["whole"], whole), (FROM["afloat"], floating))
     return [*few, *(n for first, many in others for n in range(first + 1, first + many + 1))]
 
 

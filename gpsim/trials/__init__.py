@@ -9,12 +9,11 @@ The files, each of which knows only those before it:
     drawing, rough, machines      a world from a seed and a trial's number
     robots                        the same of worlds whose simulator is a MuJoCo model, and how they move
     concealing, blinding          conceal, diagnose blind, reveal
-    fits, equivalents, sindy,     other explanations of a world, and another program's
-    judged, plan_rivals
+    fits, sindy, judged,          other explanations of a world, equivalents, and another program's
+    plan_rivals
     claims, contradictions,       one diagnosis against its answer
     scoring_parts, scoring
-    goals, intervals, figures,    figures of all trials, and the goals
-    summary
+    intervals, figures, summary   figures of all trials, and the goals
 
 Nothing that makes the truth (all up to `robots`) imports `gpsim.effects`, `gpsim.simulators`, `gpsim.mjcf` or
 `gpsim.diagnosis`: the laws are written down a second time, so that a mistake in one cannot hide behind the same mistake
@@ -29,7 +28,6 @@ __all__ = [
     "drawing",
     "figures",
     "fits",
-    "goals",
     "intervals",
     "machines",
     "plan_rivals",

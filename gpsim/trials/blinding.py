@@ -31,8 +31,7 @@ from gpsim.errors import UsageError
 from gpsim.files import disk_errors, file_digest, read_object, tells_of_full_disk, write_json, written_whole
 from gpsim.recordings import write_recording
 from gpsim.trials.concealing import SCHEMA, Concealed, conceal
-from gpsim.trials.robots import robot_rank
-from gpsim.trials.worlds import SYSTEMS, World, world_from_json
+from gpsim.trials.worlds import FROM, SYSTEMS, World, world_from_json
 
 RECORDING_FILE = "recording.yaml"
 LIMITS = "limits.json"  # beside a recording: what a plan has to keep to
@@ -168,7 +167,7 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
         known["recording"] = recording_digests(room / RECORDING)
         shown = [path.relative_to(room).as_posix() for path in recording_folders(room / RECORDING)]
         words = ["diagnose", *shown, "--out", DIAGNOSIS, "--cores", "1"]  # other trials have the others
-        limit = LIMIT if robot_rank(int(name)) is None else ROBOTS_LIMIT
+        limit = ROBOTS_LIMIT if int(name) > FROM["robots"] else LIMIT
         started = time.monotonic()
         code, said = _ran(room, words, limit)
         if code < 0:  # killed, for want of memory say: that need not happen again

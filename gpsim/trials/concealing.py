@@ -17,14 +17,14 @@ from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.trials import robots
-from gpsim.trials.drawing import box_of, draw, draw_plan, plan_rank, slow_waves
+from gpsim.trials.drawing import box_of, draw, draw_plan, slow_waves
 from gpsim.trials.driving import Played, sound
-from gpsim.trials.machines import ARM, counts, draw_machine, kind_of, machine_rank
+from gpsim.trials.machines import ARM, counts, draw_machine, kind_of
 from gpsim.trials.outside_curves import true_curve
-from gpsim.trials.rough import draw_rough, rank_of, within
+from gpsim.trials.rough import draw_rough, within
 from gpsim.trials.shares import Shares, visibilities
 from gpsim.trials.truth import OneStep, one_step, run
-from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, world_json
+from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, numbered, world_json
 
 Json = Mapping[str, Any]
 SCHEMA = "gpsim.answer/1"
@@ -91,11 +91,12 @@ class Concealed:
 
 def conceal(seed: int, number: int) -> Concealed:
     """Draw and run trial `number` of a seed, anew until enough survives and counts; raises UsageError."""
-    kind = next(kind for kind in KINDS if kind.holds(number))
-    for attempt in range(kind.attempts):
-        if (found := kind.made(seed, number, attempt)) is not None:
+    kind, _ = numbered(number)
+    made, attempts = KINDS[kind]
+    for attempt in range(attempts):
+        if (found := made(seed, number, attempt)) is not None:
             return found
-    nothing = kind.nothing or f"no world could be run in {kind.attempts} attempts"
+    nothing = NOTHING.get(kind, f"no world could be run in {attempts} attempts")
     raise UsageError(f"seed {seed}, trial {number}: {nothing}; take another seed")
 
 
@@ -343,25 +344,18 @@ def _of_robot(
     return Concealed(world, (recording,), clean, beside(recording), effects, files=files)
 
 
-class Kind(NamedTuple):
-    """Worlds of some numbers: how one is made by an attempt, how many there are, and what is said where none was."""
-
-    holds: Callable[[int], bool]
-    made: Callable[[int, int, int], Concealed | None]
-    attempts: int
-    nothing: str = ""
-
-
-KINDS = (
-    Kind(lambda n: plan_rank(n) is not None, _plan, 1),
-    Kind(lambda n: machine_rank(n) is not None, _machine, 80, "no machine could be made"),
-    Kind(lambda n: robots.afloat_rank(n) is not None, _afloat, 24),
-    Kind(lambda n: robots.whole_rank(n) is not None, _whole_robot, 24),
-    Kind(lambda n: robots.robot_rank(n) is not None, _robot, 24),
-    Kind(lambda n: rank_of(n) is not None, _rough, 60, "no rough world could be made"),
-    Kind(lambda n: True, _plain, 6),
-)
-"""The first that holds a number is its kind."""
+KINDS: Mapping[str, tuple[Callable[[int, int, int], Concealed | None], int]] = {
+    **dict.fromkeys(("plain", "words", "curves"), (_plain, 6)),
+    "rough": (_rough, 60),
+    "robots": (_robot, 24),
+    "machines": (_machine, 80),
+    "whole": (_whole_robot, 24),
+    "plans": (_plan, 1),
+    "afloat": (_afloat, 24),
+}
+"""Kind of worlds -> how one is made by an attempt, and after how many attempts there is none."""
+NOTHING = {"rough": "no rough world could be made", "machines": "no machine could be made"}
+"""What is said then, where it is not how many attempts there were."""
 
 
 def even_recording(world: World, readings: FloatArray, truth: Run, kept: FloatArray) -> Recording:

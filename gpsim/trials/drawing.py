@@ -5,7 +5,7 @@ share, every family as often.
 
 Worlds for plans: a pendulum that was recorded under slow waves, which leave something open. Gravity and viscous
 friction, of which the base knows the first, bring it back to rest; one more effect is of those that slow motion hides
-behind another. Their numbers begin behind PLANS_FROM: all other worlds stay as they are.
+behind another.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from gpsim.trials.bodies import native
 from gpsim.trials.driving import BODY_SIGNALS, GRADED_SIGNALS, PLAYED, VEHICLE_SIGNALS
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
+    FROM,
     SYSTEMS,
     Dial,
     Scales,
@@ -30,6 +31,7 @@ from gpsim.trials.worlds import (
     Values,
     Velocities,
     World,
+    numbered,
     rounded,
 )  # fmt: skip
 
@@ -38,10 +40,6 @@ COUNTS: dict[Stratum, int] = {"single": 10, "pair": 5, "triple": 3, "none": 15, 
 LONG: tuple[Stratum, ...] = ("single", "none")  # two long worlds close every deck
 DECK_SIZE = sum(COUNTS.values()) + len(LONG)
 SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1, "words": 1, "curves": 1}
-WORDS_FROM = 50_000
-"""Behind it are the numbers of worlds with one of the newer families each; decks never come that far."""
-CURVES_FROM = 75_000
-"""Behind it are the numbers of worlds with a law of one input that no family has."""
 NOISE = {"clean": 0.02, "light": 0.3, "normal": 1.0, "heavy": 4.0}
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (
@@ -84,10 +82,9 @@ def noise_of(system: System, level: str, rng: Rng) -> Values:
 
 def stratum_of(number: int) -> tuple[Stratum, bool, int]:
     """Stratum of trial `number` (from 1), whether it is long, and its rank among those of its stratum."""
-    if number > CURVES_FROM:
-        return "curves", False, number - CURVES_FROM - 1
-    if number > WORDS_FROM:
-        return "words", False, number - WORDS_FROM - 1
+    kind, rank = numbered(number)
+    if kind in ("words", "curves"):
+        return "words" if kind == "words" else "curves", False, rank - 1
     deck, place = divmod(number - 1, DECK_SIZE)
     cards: list[Stratum] = [s for s, count in COUNTS.items() for _ in range(count)]
     # Interleaved by a fixed stride that shares no factor with the deck, so that every part of a proof holds all.
@@ -239,7 +236,6 @@ def effect(family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng
     return TrueEffect(family, on, values, where, since, outer, dial.level)
 
 
-PLANS_FROM, PLANS_TO = 500_000, 600_000
 DT, SECONDS = 0.02, 30.0  # of the first recording
 SWAY = 0.6  # rad, how far slow waves move it
 SLOW, SLOWER = (0.05, 0.12), (0.02, 0.05)  # Hz of the two waves
@@ -258,15 +254,10 @@ HIDDEN: Mapping[str, Callable[[float, float, Dial], dict[str, float]]] = {
 """Family -> its parameters, of the largest command, the largest speed, and a dial."""
 
 
-def plan_rank(number: int) -> int | None:
-    """Which of the worlds for plans a trial is, from 0; None where it is none."""
-    return number - PLANS_FROM - 1 if PLANS_FROM < number <= PLANS_TO else None
-
-
 def draw_plan(seed: int, number: int) -> World:
     """The world: every hidden effect in turn, in an order of the seed's own."""
-    cycle, place = divmod(plan_rank(number) or 0, len(HIDDEN))
-    family = list(HIDDEN)[np.random.default_rng([seed, PLANS_FROM, cycle]).permutation(len(HIDDEN))[place]]
+    cycle, place = divmod(numbered(number)[1] - 1, len(HIDDEN))
+    family = list(HIDDEN)[np.random.default_rng([seed, FROM["plans"], cycle]).permutation(len(HIDDEN))[place]]
     rng, system = np.random.default_rng([seed, number, 0]), SYSTEMS["pendulum"]
     p = {n: digits(rng.uniform(*r)) for n, r in system.parameters.items()}
     level = str(rng.choice(("normal", "heavy")))

@@ -1,7 +1,6 @@
 """Drawing whole machines: a class, its effects, one to three recordings, and sensors and nuisances as of rough worlds.
 
-Their numbers begin behind MACHINES_FROM, so that all other worlds of a seed stay what they are. What a machine of each
-class has that its bare simulator lacks, in sizes that are known of real ones:
+What a machine of each class has that its bare simulator lacks, in sizes that are known of real ones:
 
 - axis: the EMPS benchmark (Janot, Gautier and Brunot 2019), a ball-screw slide of 95.1 kg: 20.4 N of Coulomb friction,
   203.5 N s/m of viscous, -3.2 N of offset, at 0.1 to 0.3 m/s and about 1 m/s^2; that is 20, 50 and 3 % of the force
@@ -26,10 +25,9 @@ from gpsim.trials.drawing import digits, noise_of
 from gpsim.trials.driving import CLOSED_LOOP, FREE, REFERENCES
 from gpsim.trials.rough import calibrated, nuisances, rough_log, shares_of
 from gpsim.trials.shares import Shares
-from gpsim.trials.worlds import SYSTEMS, Machine, Session, TrueEffect, Values, World, rounded
+from gpsim.trials.worlds import FROM, SYSTEMS, Machine, Session, TrueEffect, Values, World, numbered, rounded
 
 Rng = np.random.Generator
-MACHINES_FROM, MACHINES_TO = 300_000, 400_000
 STEPS = {"axis": (0.005, 0.01, 0.02), "rig": (0.01, 0.02), "servo": (0.01, 0.02), "car": (0.05, 0.1)}
 """s between samples."""
 TRANSITIONS, LENGTH = (2500, 6000), (6.0, 20.0)  # in all; s of an episode
@@ -200,14 +198,9 @@ KINDS = (*PARTS, ARM)
 """Classes in turn; an arm needs MuJoCo, and is drawn by `robots`."""
 
 
-def machine_rank(number: int) -> int | None:
-    """Which of the machines a trial is, from 0; None where it is none."""
-    return number - MACHINES_FROM - 1 if MACHINES_FROM < number <= MACHINES_TO else None
-
-
 def kind_of(number: int) -> str:
     """The class of a machine."""
-    return KINDS[(machine_rank(number) or 0) % len(KINDS)]
+    return KINDS[(numbered(number)[1] - 1) % len(KINDS)]
 
 
 def draw_machine(seed: int, number: int, attempt: int = 0) -> World | None:
@@ -215,7 +208,7 @@ def draw_machine(seed: int, number: int, attempt: int = 0) -> World | None:
     rng = np.random.default_rng([seed, number, attempt, 0])
     kind = kind_of(number)
     system = SYSTEMS[PARTS[kind][0]]
-    turn = np.random.default_rng([seed, number, MACHINES_FROM])  # the same in every attempt
+    turn = np.random.default_rng([seed, number, FROM["machines"]])  # the same in every attempt
     several, positions_only = turn.random() < SEVERAL, turn.random() < POSITIONS_ONLY
     upright = kind == "rig" and turn.random() < 0.5
     dt = float(rng.choice(STEPS[kind]))

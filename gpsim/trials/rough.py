@@ -1,7 +1,6 @@
 """Drawing rough worlds: one to three main effects, nuisances of small shares outside the catalogue, a log as logs are.
 
-Their numbers begin behind ROUGH_FROM, so that the plain worlds of a seed stay what they are. Nuisances and logs are
-those of whole machines, too.
+Nuisances and logs are those of whole machines, too.
 """
 
 from __future__ import annotations
@@ -17,10 +16,21 @@ from gpsim.trials.drawing import bare_world, digits, noise_of, places, places_of
 from gpsim.trials.driving import CLOSED_LOOP, sound
 from gpsim.trials.shares import Shares
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import SYSTEMS, Dial, Rough, Run, Scales, System, TrueEffect, Velocities, World
+from gpsim.trials.worlds import (
+    FROM,
+    SYSTEMS,
+    Dial,
+    Rough,
+    Run,
+    Scales,
+    System,
+    TrueEffect,
+    Velocities,
+    World,
+    numbered,
+)  # fmt: skip
 
 Rng = np.random.Generator
-ROUGH_FROM = 100_000
 IMPORTANT, NEEDED = 0.1, 0.05  # of a main effect before there are nuisances: what makes it one
 LATE = 0.02  # of the mismatch, that a late topic may make
 SIZES = {1: 0.35, 2: 0.4, 3: 0.25}  # how often so many main effects
@@ -31,20 +41,15 @@ TRANSITIONS = (2500, 6000)
 LEVELS = {"light": 0.3, "normal": 0.5, "heavy": 0.2}  # of noise; no real sensor is clean
 
 
-def rank_of(number: int) -> int | None:
-    """Which of the rough worlds a trial is, from 0; None for a plain one."""
-    return number - ROUGH_FROM - 1 if number > ROUGH_FROM else None
-
-
 def draw_rough(seed: int, number: int, attempt: int = 0) -> World | None:
     """The world of a rough trial; None where the attempt gave none whose effects are what they have to be."""
     rng = np.random.default_rng([seed, number, attempt, 0])
     own = attempt < OWN_FAMILY
-    cycle, place = divmod(rank_of(number) or 0, len(catalogue.DECK))
-    order = np.random.default_rng([seed, ROUGH_FROM, cycle]).permutation(len(catalogue.DECK))
+    cycle, place = divmod(numbered(number)[1] - 1, len(catalogue.DECK))
+    order = np.random.default_rng([seed, FROM["rough"], cycle]).permutation(len(catalogue.DECK))
     family = catalogue.DECK[order[place]] if own else str(rng.choice(catalogue.DECK))
     # The same in every attempt, or what lets attempts succeed would come more often.
-    turn = np.random.default_rng([seed, number, ROUGH_FROM]) if own else rng
+    turn = np.random.default_rng([seed, number, FROM["rough"]]) if own else rng
     system = SYSTEMS[str(turn.choice(systems_of(family)))]
     positions_only = turn.random() < POSITIONS_ONLY and bool(places_of(family, system, "differentiated"))
     velocities: Velocities = None

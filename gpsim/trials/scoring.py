@@ -36,8 +36,7 @@ from gpsim.trials.claims import (
     words_of,
 )
 from gpsim.trials.contradictions import contradictions
-from gpsim.trials.equivalents import Listing, cached_listing
-from gpsim.trials.fits import Rival
+from gpsim.trials.fits import Listing, Rival, cached_listing
 from gpsim.trials.judged import afloat_rollouts, machine_listing, robot_rivals, whole_listing
 from gpsim.trials.plan_rivals import second_recordings
 from gpsim.trials.scoring_parts import (

@@ -24,6 +24,20 @@ Stratum = Literal[
 ]  # fmt: skip
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 Velocities = Literal["measured", "differentiated"] | None
+FROM: dict[str, int] = {
+    "words": 50_000, "curves": 75_000, "rough": 100_000, "robots": 200_000, "machines": 300_000, "whole": 400_000,
+    "plans": 500_000, "afloat": 600_000,
+}  # fmt: skip
+"""Behind which number the worlds of a kind begin, so that those of the other kinds of a seed stay what they are.
+
+Before them all are the decks of plain ones, which never come that far.
+"""
+
+
+def numbered(number: int) -> tuple[str, int]:
+    """Of which kind of worlds a trial is, `plain` before those of FROM, and which of them, from 1."""
+    kind = next((kind for kind, first in reversed(FROM.items()) if number > first), "plain")
+    return kind, number - FROM.get(kind, 0)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import typer
 from gpsim.cli.main import app
 
 from gpsim.reports.prove_page import record_sheets
-from gpsim.trials.goals import GOALS
+from gpsim.trials.summary import GOALS
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDS = sorted((ROOT / "benchmarks" / "proofs").glob("*.json"))

@@ -13,12 +13,11 @@ from gpsim.recordings import read_recording
 from gpsim.stages.prove import robots_numbers
 from gpsim.trials import concealing as robot_worlds
 from gpsim.trials.blinding import recording_digests, write_trial
-from gpsim.trials.drawing import plan_rank
 from gpsim.trials.robots import afloat
-from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, dealt, draw_afloat, items_of
+from gpsim.trials.robots.afloat import dealt, draw_afloat, items_of
 from gpsim.trials.robots.floating import Mover, kept_afloat, run_afloat, turned
 from gpsim.trials.robots.models import AFLOAT, layout_of
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.worlds import FROM, TrueEffect, numbered
 
 pytest.importorskip("mujoco")
 DRAG, SQUARE, WIND, LAG = (
@@ -52,7 +51,9 @@ def short(monkeypatch):
 
 def world_of(system, effects=(), **more):
     """A world of a robot, from the first number of seed 3 that is dealt it."""
-    number = next(n for n in range(AFLOAT_FROM + 1, AFLOAT_FROM + 5) if dealt(3, afloat_rank(n))[0] == system)
+    number = next(
+        n for n in range(FROM["afloat"] + 1, FROM["afloat"] + 5) if dealt(3, numbered(n)[1] - 1)[0] == system
+    )
     return replace(draw_afloat(3, number), effects=tuple(effects), **more)
 
 
@@ -127,7 +128,7 @@ def test_each_robot_comes_once_in_four_and_lacks_nothing_once_in_sixteen():
 
 
 def test_worlds_are_drawn_by_seed_and_lack_one_to_five_of_what_their_robot_may():
-    for number in range(AFLOAT_FROM + 1, AFLOAT_FROM + 33):
+    for number in range(FROM["afloat"] + 1, FROM["afloat"] + 33):
         world = draw_afloat(7, number)
         assert world == draw_afloat(7, number)
         places = {(family, on): name for family, places, name, _ in items_of(world.system) for on in places}
@@ -136,9 +137,9 @@ def test_worlds_are_drawn_by_seed_and_lack_one_to_five_of_what_their_robot_may()
             e.family if e.family in ("actuator_lag", "actuator_delay") else e.name for e in world.effects
         }
         assert len(lacks) <= 5
-        assert (not lacks) == dealt(7, afloat_rank(number))[1]
+        assert (not lacks) == dealt(7, numbered(number)[1] - 1)[1]
         assert not {"actuator_lag", "actuator_delay"} <= lacks
-    assert draw_afloat(7, AFLOAT_FROM + 1) != draw_afloat(8, AFLOAT_FROM + 1)
+    assert draw_afloat(7, FROM["afloat"] + 1) != draw_afloat(8, FROM["afloat"] + 1)
 
 
 def test_a_dog_that_is_overloaded_falls_and_is_cut_there(short):
@@ -155,8 +156,8 @@ def test_a_dog_that_is_overloaded_falls_and_is_cut_there(short):
 def test_a_concealed_world_is_the_same_bytes_and_its_answer_is_not_public(short, tmp_path):
     number = next(
         n
-        for n in range(AFLOAT_FROM + 1, AFLOAT_FROM + 40)
-        if dealt(3, afloat_rank(n)) == ("quadrotor", False, False)
+        for n in range(FROM["afloat"] + 1, FROM["afloat"] + 40)
+        if dealt(3, numbered(n)[1] - 1) == ("quadrotor", False, False)
     )
     for out in (tmp_path / "a", tmp_path / "b"):
         (out / "public").mkdir(parents=True)
@@ -176,8 +177,7 @@ def test_a_concealed_world_is_the_same_bytes_and_its_answer_is_not_public(short,
 
 
 def test_they_are_counted_by_themselves_and_leave_the_others_numbers_alone():
-    assert robots_numbers(0, floating=2) == [AFLOAT_FROM + 1, AFLOAT_FROM + 2]
+    assert robots_numbers(0, floating=2) == [FROM["afloat"] + 1, FROM["afloat"] + 2]
     assert robots_numbers(1, whole=1, floating=1)[:2] == robots_numbers(1, whole=1)
-    assert plan_rank(AFLOAT_FROM + 1) is None
     with pytest.raises(UsageError, match="--floating 20"):
         robots_numbers(3, ["afloat"])

@@ -10,13 +10,13 @@ from scipy.integrate import solve_ivp
 from gpsim.errors import UsageError
 from gpsim.stages import prove
 from gpsim.trials.blinding import Answer
-from gpsim.trials.drawing import CURVES_FROM, draw, stratum_of
+from gpsim.trials.drawing import draw, stratum_of
 from gpsim.trials.outside import CURVES
 from gpsim.trials.outside_curves import MISSES, drawn_law, missed, smooth, true_curve
 from gpsim.trials.scoring_parts import score_curve
 from gpsim.trials.summary import summarise
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
+from gpsim.trials.worlds import FROM, SYSTEMS, Dial, Scales, TrueEffect
 
 from .outside_worlds import bare, slid, world_of
 
@@ -113,10 +113,10 @@ def test_the_answer_says_what_the_law_adds_where_the_recording_went(kind):
 
 def test_they_have_numbers_of_their_own_and_every_kind_comes_as_often():
     numbers = prove.numbers_of(0, curves=10)
-    assert numbers == list(range(CURVES_FROM + 1, CURVES_FROM + 11))
+    assert numbers == list(range(FROM["curves"] + 1, FROM["curves"] + 11))
     assert {stratum_of(n)[0] for n in numbers} == {"curves"}
     assert sorted(draw(91, n).effects[0].family for n in numbers[:5]) == sorted(CURVES)
-    assert stratum_of(CURVES_FROM)[0] == "words"
+    assert stratum_of(FROM["curves"])[0] == "words"
     with pytest.raises(UsageError, match="--curves 20"):
         prove.numbers_of(5, ["curves"])
 
@@ -229,7 +229,7 @@ def test_the_figures_of_curves():
     beside = {"long": False, "system": "slider", "noise_level": "light", "velocities": "measured",
               "excitation": "sines", "strength": "plain", "seconds": 10.0, "error": None}  # fmt: skip
     scores = [
-        score_curve(answer, report) | beside | {"trial": str(CURVES_FROM + i)}
+        score_curve(answer, report) | beside | {"trial": str(FROM["curves"] + i)}
         for i, report in enumerate(reports)
     ]
     content = summarise(scores)
@@ -241,6 +241,6 @@ def test_the_figures_of_curves():
     assert curves["families"] == {
         kind: {"n": 3, "right": 1, "share": 1 / 3, "interval": curves["families"][kind]["interval"]}
     }
-    assert curves["misses"] == [str(CURVES_FROM + 1), str(CURVES_FROM + 2)]
+    assert curves["misses"] == [str(FROM["curves"] + 1), str(FROM["curves"] + 2)]
     assert content["all"]["n"] == 0
     assert content["goals"]["curves.curve_right"]["got"] == curves["curve_right"]

@@ -7,8 +7,7 @@ import pytest
 from gpsim.trials import concealing as concealment
 from gpsim.trials.blinding import Answer
 from gpsim.trials.drawing import draw
-from gpsim.trials.equivalents import rivals
-from gpsim.trials.fits import Rival
+from gpsim.trials.fits import Rival, rivals
 from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10

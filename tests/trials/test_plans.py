@@ -7,15 +7,15 @@ import pytest
 
 from gpsim.stages.prove import numbers_of
 from gpsim.trials.concealing import conceal, played
-from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of, draw_plan, plan_rank
+from gpsim.trials.drawing import HIDDEN, box_of, draw_plan
 from gpsim.trials.plan_rivals import PLANNED, Decided, Second, compared
 from gpsim.trials.scoring_parts import score_plan_kinds
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.worlds import FROM, TrueEffect, numbered
 
 
 def test_every_hidden_effect_comes_once_a_cycle_and_a_seed_gives_the_same_worlds():
     numbers = numbers_of(0, plan=len(HIDDEN))
-    assert [plan_rank(n) for n in numbers] == list(range(len(HIDDEN)))
+    assert [numbered(n) for n in numbers] == [("plans", i + 1) for i in range(len(HIDDEN))]
     assert {draw_plan(3, n).effects[-1].family for n in numbers} == set(HIDDEN)
     assert draw_plan(3, numbers[0]) == draw_plan(3, numbers[0])
     assert draw_plan(4, numbers[0]) != draw_plan(3, numbers[0])
@@ -26,7 +26,7 @@ def late():
     """A world whose torque is late."""
     number = next(
         n
-        for n in range(PLANS_FROM + 1, PLANS_FROM + 9)
+        for n in range(FROM["plans"] + 1, FROM["plans"] + 9)
         if draw_plan(3, n).effects[-1].family == "actuator_delay"
     )
     return conceal(3, number)

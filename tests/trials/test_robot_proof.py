@@ -14,14 +14,15 @@ from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials.blinding import publish_hashes, recording_digests, reveal, trial_name, write_trial
 from gpsim.trials.fits import Rival
-from gpsim.trials.robots.draws import ROBOTS_FROM, stratum_of
+from gpsim.trials.robots.draws import stratum_of
 from gpsim.trials.robots.models import files_of
 from gpsim.trials.scoring import score
 from gpsim.trials.summary import summarise
+from gpsim.trials.worlds import FROM
 
 pytest.importorskip("mujoco")
 pytest.importorskip("dm_control")
-NUMBER = ROBOTS_FROM + 1
+NUMBER = FROM["robots"] + 1
 NAME = trial_name(NUMBER)
 
 
@@ -69,9 +70,9 @@ def test_a_file_that_the_model_includes_is_part_of_what_was_diagnosed(concealed)
 
 
 def test_trials_are_counted_by_stratum_and_leave_the_others_numbers_alone():
-    assert robots_numbers(3) == [ROBOTS_FROM + 1, ROBOTS_FROM + 2, ROBOTS_FROM + 3]
-    assert {stratum_of(n - ROBOTS_FROM)[0] for n in robots_numbers(5, ["pair"])} == {"pair"}
-    assert max(numbers_of(20, rough=5)) < ROBOTS_FROM
+    assert robots_numbers(3) == [FROM["robots"] + 1, FROM["robots"] + 2, FROM["robots"] + 3]
+    assert {stratum_of(n - FROM["robots"])[0] for n in robots_numbers(5, ["pair"])} == {"pair"}
+    assert max(numbers_of(20, rough=5)) < FROM["robots"]
     with pytest.raises(UsageError, match="no stratum 'triple' of --system mjcf"):
         robots_numbers(3, ["triple"])
     with pytest.raises(UsageError, match="no worlds"):

@@ -12,18 +12,16 @@ from gpsim.mjcf import load_mjcf
 from gpsim.trials.robots import models
 from gpsim.trials.robots.draws import (
     ALIKE,
-    ROBOTS_FROM,
     STRENGTHS,
     draw_robot,
     places_of,
     planned,
-    robot_rank,
     stratum_of,
 )
 from gpsim.trials.robots.driving import run, sound
 from gpsim.trials.robots.models import ROBOTS, Drives, Robot, files_of, layout_of, spec_of
 from gpsim.trials.robots.moving import QUARTER, SHOWS, Plant, recorded, shown
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.worlds import FROM, TrueEffect
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("dm_control")
@@ -206,22 +204,19 @@ def test_a_proof_of_168_has_42_with_nothing_missing_and_every_family_as_often():
     for stratum in ("single", "pair", "none"):
         ranks = [among for s, among in strata if s == stratum]
         assert ranks == list(range(len(ranks)))
-    assert robot_rank(ROBOTS_FROM) is None
-    assert robot_rank(7) is None
-    assert robot_rank(ROBOTS_FROM + 3) == 3
 
 
 def test_every_family_comes_once_a_cycle_and_no_two_of_a_world_are_alike():
     singles = [r for r in range(1, 200) if stratum_of(r)[0] == "single"][: len(STRENGTHS)]
-    drawn = [planned(11, ROBOTS_FROM + r) for r in singles]
+    drawn = [planned(11, FROM["robots"] + r) for r in singles]
     assert {effects[0][0] for _, effects, _ in drawn} == set(STRENGTHS)
     for r in (r for r in range(1, 160) if stratum_of(r)[0] == "pair"):
-        one, other = (family for family, _ in planned(11, ROBOTS_FROM + r)[1])
+        one, other = (family for family, _ in planned(11, FROM["robots"] + r)[1])
         assert not any({one, other} <= group for group in ALIKE)
 
 
 def test_the_same_trial_is_the_same_world_and_another_seed_is_another():
-    light = ROBOTS_FROM + 7  # a cart with a pole: the arms take seconds each
+    light = FROM["robots"] + 7  # a cart with a pole: the arms take seconds each
     once, again = draw_robot(5, light), draw_robot(5, light)
     assert once == again
     assert draw_robot(6, light) != once
@@ -230,7 +225,7 @@ def test_the_same_trial_is_the_same_world_and_another_seed_is_another():
 
 @pytest.mark.parametrize("number", [1, 7, 12])
 def test_a_run_keeps_in_bounds_and_its_log_is_the_models(number):
-    world = replace(draw_robot(7, ROBOTS_FROM + number), episodes=2, steps=80)
+    world = replace(draw_robot(7, FROM["robots"] + number), episodes=2, steps=80)
     truth = run(world, world.effects)
     kept = sound(world, truth)
     assert (kept > 40).all()
@@ -247,7 +242,7 @@ def test_a_run_keeps_in_bounds_and_its_log_is_the_models(number):
 
 
 def test_an_effect_that_is_absent_shows_and_one_of_no_size_does_not():
-    world = draw_robot(7, ROBOTS_FROM + 1)
+    world = draw_robot(7, FROM["robots"] + 1)
     effect = TrueEffect("actuator_gain", "elbow_cmd", {"gain": 1.2})
     world = replace(world, episodes=2, steps=120, effects=(effect,))
     truth = run(world, world.effects)

@@ -12,17 +12,18 @@ from gpsim.stages import prove
 from gpsim.trials import outside
 from gpsim.trials.blinding import ANSWER, PUBLIC, write_trial
 from gpsim.trials.concealing import conceal, even_recording, logged
-from gpsim.trials.rough import ROUGH_FROM, rank_of
 from gpsim.trials.shares import Shares
 from gpsim.trials.truth import Replay, run
-from gpsim.trials.worlds import SYSTEMS, Rough, TrueEffect, world_from_json
+from gpsim.trials.worlds import FROM, SYSTEMS, Rough, TrueEffect, world_from_json
 
 from .outside_worlds import world_of
 
 DRAWN = [
-    pytest.param((7, ROUGH_FROM + 1), id="unicycle"),
-    pytest.param((6, ROUGH_FROM + 3), id="slider", marks=pytest.mark.slow),  # a pendulum's takes half as long
-    pytest.param((7, ROUGH_FROM + 3), id="pendulum"),
+    pytest.param((7, FROM["rough"] + 1), id="unicycle"),
+    pytest.param(
+        (6, FROM["rough"] + 3), id="slider", marks=pytest.mark.slow
+    ),  # a pendulum's takes half as long
+    pytest.param((7, FROM["rough"] + 3), id="pendulum"),
 ]
 
 
@@ -264,8 +265,7 @@ def test_plain_worlds_are_byte_for_byte_what_they_were(seed, number, tmp_path):
 
 
 def test_rough_worlds_are_counted_behind_all_others():
-    assert prove.numbers_of(3, rough=2) == [1, 2, 3, ROUGH_FROM + 1, ROUGH_FROM + 2]
-    assert [rank_of(n) for n in (1, ROUGH_FROM, ROUGH_FROM + 1)] == [None, None, 0]
+    assert prove.numbers_of(3, rough=2) == [1, 2, 3, FROM["rough"] + 1, FROM["rough"] + 2]
     with pytest.raises(UsageError, match="--rough 20"):
         prove.numbers_of(3, ["rough"])
     with pytest.raises(UsageError, match="no worlds"):

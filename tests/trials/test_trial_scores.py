@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.launchers import Local
 from gpsim.stages import prove
-from gpsim.trials import blinding, equivalents, sindy
+from gpsim.trials import blinding, sindy
 from gpsim.trials import fits as kept
 from gpsim.trials.blinding import (
     diagnose_blind,
@@ -84,7 +84,7 @@ def proof(concealed, tmp_path, monkeypatch):
 def fits(monkeypatch):
     """The rule for equivalents, made up; the list counts how often it was asked."""
     asked = []
-    monkeypatch.setattr(equivalents, "rivals", lambda *given: asked.append(given) or [TWIN])
+    monkeypatch.setattr(kept, "rivals", lambda *given: asked.append(given) or [TWIN])
     monkeypatch.setattr(sindy, "installed", lambda: False)
     return asked
 

@@ -19,7 +19,6 @@ from gpsim.trials.robots.models import WHOLE, files_of, layout_of, robot_of, spe
 from gpsim.trials.robots.moving import Plant, Stepped, step_of
 from gpsim.trials.robots.whole import (
     ROWS,
-    WHOLE_FROM,
     body_torques,
     dealt,
     draw_whole,
@@ -28,7 +27,7 @@ from gpsim.trials.robots.whole import (
     of_body,
     shares_of,
 )
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.worlds import FROM, TrueEffect
 
 pytest.importorskip("mujoco")
 SMOOTH = [
@@ -68,7 +67,7 @@ def test_each_robot_comes_once_a_cycle_half_by_servos_half_read_by_encoders():
 
 def test_a_whole_robot_has_three_rows_a_joint_in_the_drives_sizes_and_one_or_two_bodies(planar):
     drives = robot_of("planar").drives
-    for number in range(WHOLE_FROM + 1, WHOLE_FROM + 20):
+    for number in range(FROM["whole"] + 1, FROM["whole"] + 20):
         world = draw_whole(3, number)
         assert world == draw_whole(3, number)
         rows = {(e.family, e.on): e.values for e in world.effects if e.family in ROWS}
@@ -81,7 +80,7 @@ def test_a_whole_robot_has_three_rows_a_joint_in_the_drives_sizes_and_one_or_two
         assert 1 <= sum(of_body(e.family, e.on) for e in world.effects) <= 2
         late = {e.values["delay"] for e in world.effects if e.family == "actuator_delay"}
         assert len(late) <= 1
-    assert draw_whole(3, WHOLE_FROM + 1) != draw_whole(4, WHOLE_FROM + 1)
+    assert draw_whole(3, FROM["whole"] + 1) != draw_whole(4, FROM["whole"] + 1)
 
 
 def test_servos_are_published_with_the_gains_of_their_drives():
@@ -135,7 +134,7 @@ def test_late_commands_act_for_the_rest_of_a_sample():
 
 def test_what_the_effects_ask_for_together_is_what_the_motors_gave(planar):
     """The torque worked out from the motion is that of the commands, which the true model was moved by."""
-    world = draw_whole(3, WHOLE_FROM + 2)
+    world = draw_whole(3, FROM["whole"] + 2)
     world = replace(world, effects=tuple(e for e in world.effects if e.family != "actuator_delay"))
     truth = run_whole(world)
     kept = sound(world, truth)
@@ -149,7 +148,7 @@ def test_what_the_effects_ask_for_together_is_what_the_motors_gave(planar):
 
 
 def test_bodies_are_judged_by_the_torques_that_they_ask_for(planar):
-    world = replace(draw_whole(3, WHOLE_FROM + 1), effects=tuple(SMOOTH), episodes=1, steps=100)
+    world = replace(draw_whole(3, FROM["whole"] + 1), effects=tuple(SMOOTH), episodes=1, steps=100)
     assert bodies_off(world, world.effects) == 0.0
     assert bodies_off(world, ()) == 1.0
     # A payload at the centre of mass of what carries it is more mass of it.
@@ -164,8 +163,8 @@ def test_bodies_are_judged_by_the_torques_that_they_ask_for(planar):
 def test_what_is_logged_of_an_encoder_is_positions_in_steps_with_rows_lost(planar, tmp_path):
     planar("planar_servos", True)
     (tmp_path / "public").mkdir()
-    name = str(WHOLE_FROM + 1)
-    write_trial(tmp_path, 3, WHOLE_FROM + 1)
+    name = str(FROM["whole"] + 1)
+    write_trial(tmp_path, 3, FROM["whole"] + 1)
     public = tmp_path / "public" / name
     recording = read_recording(public)
     answer = json.loads((tmp_path / "private" / name / "answer.json").read_text())
@@ -182,14 +181,14 @@ def test_what_is_logged_of_an_encoder_is_positions_in_steps_with_rows_lost(plana
     digests = recording_digests(public)
     again = tmp_path / "again"
     (again / "public").mkdir(parents=True)
-    write_trial(again, 3, WHOLE_FROM + 1)
+    write_trial(again, 3, FROM["whole"] + 1)
     assert recording_digests(again / "public" / name) == digests
 
 
 def test_whole_robots_are_counted_by_themselves_and_leave_the_others_numbers_alone():
-    assert robots_numbers(0, whole=2) == [WHOLE_FROM + 1, WHOLE_FROM + 2]
+    assert robots_numbers(0, whole=2) == [FROM["whole"] + 1, FROM["whole"] + 2]
     assert len(robots_numbers(3, ["pair"], 2)) == 5
-    assert max(numbers_of(20, rough=5, machines=5)) < WHOLE_FROM
+    assert max(numbers_of(20, rough=5, machines=5)) < FROM["whole"]
     with pytest.raises(UsageError, match="no worlds"):
         robots_numbers(0)
     with pytest.raises(UsageError, match="--robots 20"):

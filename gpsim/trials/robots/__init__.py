@@ -6,33 +6,27 @@
 `run_afloat` keeps it up.
 """
 
-from gpsim.trials.robots.afloat import AFLOAT_FROM, afloat_rank, draw_afloat
-from gpsim.trials.robots.draws import ROBOTS_FROM, draw_arm, draw_robot, robot_rank, stratum_of
+from gpsim.trials.robots.afloat import draw_afloat
+from gpsim.trials.robots.draws import draw_arm, draw_robot, stratum_of
 from gpsim.trials.robots.driving import run, run_whole, sound
 from gpsim.trials.robots.floating import kept_afloat, run_afloat, shown_afloat
 from gpsim.trials.robots.models import Layout, Robot, files_of, layout_of, robot_of, spec_of
 from gpsim.trials.robots.moving import SHOWS, recorded, shown
 from gpsim.trials.robots.whole import (
     ROWS,
-    WHOLE_FROM,
     body_torques,
     draw_whole,
     joint_torques,
     motion_of,
     of_body,
     shares_of,
-    whole_rank,
 )
 
 __all__ = [
-    "AFLOAT_FROM",
-    "ROBOTS_FROM",
     "ROWS",
     "SHOWS",
-    "WHOLE_FROM",
     "Layout",
     "Robot",
-    "afloat_rank",
     "body_torques",
     "draw_afloat",
     "draw_arm",
@@ -46,7 +40,6 @@ __all__ = [
     "of_body",
     "recorded",
     "robot_of",
-    "robot_rank",
     "run",
     "run_afloat",
     "run_whole",
@@ -56,5 +49,4 @@ __all__ = [
     "sound",
     "spec_of",
     "stratum_of",
-    "whole_rank",
 ]

@@ -25,10 +25,8 @@ import numpy as np
 from gpsim.trials.drawing import digits
 from gpsim.trials.robots.floating import STEPS
 from gpsim.trials.robots.models import AFLOAT, layout_of, robot_of
-from gpsim.trials.worlds import TrueEffect, World, rounded
+from gpsim.trials.worlds import FROM, TrueEffect, World, numbered, rounded
 
-AFLOAT_FROM, AFLOAT_TO = 600_000, 700_000
-"""Numbers of what floats begin behind it, so that all other worlds of a seed stay what they are."""
 FLOATING = ("quadrotor", "boat")  # nothing touches them
 MOST = 5  # effects of a world
 SECONDS = {"quadrotor": 8.0, "boat": 24.0, "hopper": 4.0, "dog": 4.0}  # of an episode
@@ -117,18 +115,13 @@ def items_of(name: str) -> list[Item]:
     return [*rows, *body("trunk", (0.05, 0.3)), *floor, *late(None, (0.003, 0.015))]
 
 
-def afloat_rank(number: int) -> int | None:
-    """Which of the worlds that float a trial is, from 0; None where it is none."""
-    return number - AFLOAT_FROM - 1 if AFLOAT_FROM < number <= AFLOAT_TO else None
-
-
 def dealt(seed: int, rank: int) -> tuple[str, bool, bool]:
     """The robot of a world, whether it lacks nothing, whether its twist is read: each once in every cycle of four.
 
     In four cycles each robot lacks nothing once.
     """
     cycle, place = divmod(rank, len(AFLOAT))
-    rng = np.random.default_rng([seed, AFLOAT_FROM, cycle // len(AFLOAT)])
+    rng = np.random.default_rng([seed, FROM["afloat"], cycle // len(AFLOAT)])
     orders = [rng.permutation(len(AFLOAT)) for _ in AFLOAT]
     nothing, speeds = rng.integers(len(AFLOAT), size=len(AFLOAT)), rng.permutation(len(AFLOAT)) % 2
     which, turn = int(orders[cycle % len(AFLOAT)][place]), cycle % len(AFLOAT)
@@ -138,8 +131,7 @@ def dealt(seed: int, rank: int) -> tuple[str, bool, bool]:
 
 def draw_afloat(seed: int, number: int, attempt: int = 0) -> World:
     """The world of a trial; `attempt` counts worlds that could not be run, or in which an effect did not show."""
-    rank = afloat_rank(number)
-    assert rank is not None
+    rank = numbered(number)[1] - 1
     name, nothing, speeds = dealt(seed, rank)
     rng = np.random.default_rng([seed, number, attempt, 0])
     dt = float(rng.choice(robot_of(name).steps))

@@ -16,11 +16,20 @@ from gpsim.trials.catalogue import Draw
 from gpsim.trials.drawing import combined, digits
 from gpsim.trials.robots.driving import SIGNALS, run
 from gpsim.trials.robots.models import ROBOTS, Robot, layout_of, spec_of
-from gpsim.trials.worlds import Dial, Machine, Scales, Session, Stratum, TrueEffect, World, rounded
+from gpsim.trials.worlds import (
+    FROM,
+    Dial,
+    Machine,
+    Scales,
+    Session,
+    Stratum,
+    TrueEffect,
+    World,
+    numbered,
+    rounded,
+)
 
 Rng = np.random.Generator
-ROBOTS_FROM = 200_000
-"""Trials with a number above it are robots': the other worlds of a seed stay what they are."""
 DECK: tuple[Stratum, ...] = (
     "single", "none", "pair", "single", "single", "pair", "none", "single", "single", "pair", "none", "single",
 )  # fmt: skip
@@ -128,11 +137,6 @@ STRENGTHS: Mapping[str, Draw] = {
 """Every family that robots are given."""
 
 
-def robot_rank(number: int) -> int | None:
-    """Which robot's world a trial is, from 1; None where it is none."""
-    return number - ROBOTS_FROM if number > ROBOTS_FROM else None
-
-
 def stratum_of(rank: int) -> tuple[Stratum, int]:
     """Stratum of a robot's world, and its rank among those of its stratum."""
     deck, place = divmod(rank - 1, len(DECK))
@@ -155,10 +159,8 @@ def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
 
 def planned(seed: int, number: int, attempt: int = 0) -> tuple[World, list[tuple[str, str]], Rng]:
     """A trial's world without its effects, their families and places, and what their strengths are drawn with."""
-    rank = robot_rank(number)
-    assert rank is not None
-    stratum, among = stratum_of(rank)
-    turn = np.random.default_rng([seed, ROBOTS_FROM, SIZE[stratum], among // len(STRENGTHS)])
+    stratum, among = stratum_of(numbered(number)[1])
+    turn = np.random.default_rng([seed, FROM["robots"], SIZE[stratum], among // len(STRENGTHS)])
     family = None if stratum == "none" else str(turn.permutation(sorted(STRENGTHS))[among % len(STRENGTHS)])
     able = [r for r in ROBOTS.values() if family is None or places_of(family, r)]
     # The number's alone, so that a world that cannot be run leaves no robot less often.

@@ -27,11 +27,9 @@ from gpsim.trials.drawing import digits
 from gpsim.trials.robots.driving import FOURIER, bare_torques
 from gpsim.trials.robots.models import ROBOTS, SERVOED, SERVOS, WHOLE, Robot, layout_of, robot_of, spec_of
 from gpsim.trials.robots.moving import changed_model, step_of
-from gpsim.trials.worlds import Rough, Run, TrueEffect, World, rounded
+from gpsim.trials.worlds import FROM, Rough, Run, TrueEffect, World, numbered, rounded
 
 Rng = np.random.Generator
-WHOLE_FROM, WHOLE_TO = 400_000, 500_000
-"""Whole robots' numbers begin behind it, so that all other worlds of a seed stay what they are."""
 DRY, VISCOUS, OFFSET = (0.01, 0.06), (0.02, 0.12), (0.005, 0.03)  # of the torque
 LOAD, ARM = (0.03, 0.15), 0.5 * 9.81  # of the torque, by a payload this far out (m) in the earth's gravity
 MASS = (0.1, 0.4)  # by which a body's mass is off
@@ -45,15 +43,10 @@ ROWS = ("viscous_friction", "coulomb_friction", "armature")
 OF_BODIES = ("mass", "inertia", "com_x", "com_y", "com_z")
 
 
-def whole_rank(number: int) -> int | None:
-    """Which of the whole robots a trial is, from 0; None where it is none."""
-    return number - WHOLE_FROM - 1 if WHOLE_FROM < number <= WHOLE_TO else None
-
-
 def dealt(seed: int, rank: int) -> tuple[str, bool]:
     """The robot of a world, and whether its log is an encoder's; each robot once in every cycle."""
     cycle, place = divmod(rank, len(WHOLE))
-    rng = np.random.default_rng([seed, WHOLE_FROM, cycle])
+    rng = np.random.default_rng([seed, FROM["whole"], cycle])
     robots = [WHOLE[i] for i in rng.permutation(len(WHOLE))]
     own = sum(robot_of(name).ways == ("servo",) for name in ROBOTS)  # has servos whatever is dealt
     servos = set(rng.choice(SERVOED, len(WHOLE) // 2 - own, replace=False))
@@ -64,9 +57,7 @@ def dealt(seed: int, rank: int) -> tuple[str, bool]:
 
 def draw_whole(seed: int, number: int, attempt: int = 0) -> World:
     """The world of a trial; `attempt` counts worlds that could not be run."""
-    rank = whole_rank(number)
-    assert rank is not None
-    name, encoder = dealt(seed, rank)
+    name, encoder = dealt(seed, numbered(number)[1] - 1)
     robot, layout = robot_of(name), layout_of(name)
     rng = np.random.default_rng([seed, number, attempt, 0])
     way = next((w for w in robot.ways if w != "balance"), robot.ways[0])
