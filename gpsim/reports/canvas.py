@@ -42,8 +42,6 @@ POLICIES = {
 """Policies, and the simulators of the same names."""
 OTHERS = ("#009E73", "#CC79A7", "#882255", "#999933", "#44AA99", "#AA4499", "#6D4C41")
 """For names that are not in POLICIES, in order of appearance; used again from the start when there are more."""
-RATES = ("#009E73", "#AA4499", "#999933", "#44AA99", "#6D4C41")
-"""Apart from the policies' colours, so that a rate is not mistaken for a policy."""
 SEGMENTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#882255", "#999933")
 """Parts of one bar that stand side by side, the largest first."""
 SLIGHT = "#B8BEC7"  # of such a bar: what is small and no claim

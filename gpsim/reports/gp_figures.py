@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,15 +17,12 @@ from gpsim.reports.canvas import (
     INK,
     LABEL,
     LONGEST_UNIT,
-    RATES,
     legend_above,
-    legend_label,
     named,
     panels,
     style,
 )
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
-from gpsim.reports.loop_sheets import coverage_levels, data_of, rates, scores
 from gpsim.reports.quantities import shortened
 from gpsim.reports.sheets import significant
 from gpsim.residuals import Residuals
@@ -184,42 +180,3 @@ def _points(axis: Axes, cut: ResidualSlice, values: np.ndarray) -> None:
     }
     for shown, look in ((~cut.near, far), (cut.near, near)):
         axis.plot(cut.point_inputs[shown], values[shown], "o", markeredgewidth=0, **look)
-
-
-def figure_calibration(report: LoopReport) -> Figure | None:
-    """Nominal against covered share, a panel per driver of the target. None where nothing was scored."""
-    levels = coverage_levels(report)
-    covered = {
-        key: {rate: found for rate in rates(report) if (found := scores(report, key, rate).get("coverage"))}
-        for key in data_of(report)
-    }
-    drivers = [key for key, found in covered.items() if found]
-    if not levels or not drivers:
-        return None
-    with style():
-        figure, axes = panels(1, len(drivers), (11.0, 3.4), sharey=True)
-        for axis, key in zip(axes[0], drivers, strict=True):
-            _coverage(axis, covered[key], levels)
-            axis.set_title(data_of(report)[key][0].upper() + data_of(report)[key][1:])
-        axes[0, 0].set_ylabel("covered [%]")
-        axes[0, -1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-        return figure
-
-
-def _coverage(axis: Axes, covered: Mapping[str, Mapping[str, float]], levels: list[str]) -> None:
-    """Bars beside the nominal share, as three levels make no curve."""
-    width = 0.7 / max(1, len(covered))
-    for index, (rate, shares) in enumerate(covered.items()):
-        heights = [100.0 * float(shares.get(level, np.nan)) for level in levels]
-        at = np.arange(len(levels)) + (index - (len(covered) - 1) / 2) * width
-        tint = RATES[index % len(RATES)]
-        axis.bar(at, heights, 0.92 * width, color=tint, alpha=0.85, label=legend_label(rate))
-        for x, height in zip(at, heights, strict=True):
-            if np.isfinite(height):
-                axis.annotate(f"{height:.0f}", (x, 3.0), ha="center", va="bottom", fontsize=9, color="white")
-    for index, level in enumerate(levels):
-        ends, share = [index - 0.42, index + 0.42], [100.0 * float(level)] * 2
-        axis.plot(ends, share, color=INK, linewidth=1.6, label="nominal" if index == 0 else None)
-    axis.set_xticks(range(len(levels)), [f"{100.0 * float(level):g} % interval" for level in levels])
-    axis.set_ylim(0.0, 112.0)
-    axis.grid(visible=False, axis="x")

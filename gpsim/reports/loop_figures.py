@@ -14,10 +14,8 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from gpsim.channels import FloatArray
-from gpsim.reports.canvas import FAINT, INK, LABEL, LONGEST_UNIT, colours, legend_above, named, panels, style
+from gpsim.reports.canvas import FAINT, INK, LABEL, colours, legend_above, named, panels, style
 from gpsim.reports.loop_report import ALL, CERTIFIED, SOLVED, LoopReport, TripReport
-from gpsim.reports.loop_sheets import rollout_simulators
-from gpsim.reports.quantities import shortened
 from gpsim.reports.sheets import known, whole_percent
 
 BINS = 25
@@ -27,7 +25,6 @@ SET_TITLES = {SOLVED: "Solved by a Target policy", CERTIFIED: "Certified by the 
 EXAMPLES = 3  # of rollouts
 DRAWN_LAST = ("Source", "GP-Sample", "GP-Mean", "Target")
 TRIPS = ("Source", "GP-Mean", "GP-Sample", "Effects", "Target")  # policies whose paths are drawn
-Curves = Mapping[str, Sequence[tuple[FloatArray, FloatArray]]]
 
 
 def figure_returns(report: LoopReport) -> Figure | None:
@@ -99,19 +96,10 @@ def _mean(axis: Axes, stats: Mapping[str, Any], y: float, *, first: bool) -> Non
 
 
 def figure_learning_curves(report: LoopReport) -> Figure | None:
-    """Mean return in training over decisions. None where no curve is known."""
-    held = f"decisions in training, each held for {report.held} steps"
-    return _figure_of_curves(report, report.curves, held if report.held > 1 else "steps in training")
-
-
-def figure_expert_rounds(report: LoopReport) -> Figure | None:
-    """Mean return on fresh starts over rounds of expert iteration. None where no policy has any."""
-    return _figure_of_curves(report, report.rounds, "rounds of expert iteration, after PPO")
-
-
-def _figure_of_curves(report: LoopReport, of: Curves, over: str) -> Figure | None:
-    """Mean return over `over` by policy: each seed faint, their mean bold. None where no curve is known."""
-    curves = {name: several for name, found in of.items() if (several := [c for c in found if len(c[0])])}
+    """Mean return in training over decisions by policy: each seed faint, their mean bold. None where none is known."""
+    curves = {
+        name: several for name, found in report.curves.items() if (several := [c for c in found if len(c[0])])
+    }
     if not curves:
         return None
     colour = colours([*report.policies, *curves])
@@ -122,7 +110,8 @@ def _figure_of_curves(report: LoopReport, of: Curves, over: str) -> Figure | Non
             for steps, values in found if len(found) > 1 else []:
                 axis.plot(steps, values, color=colour[name], linewidth=0.8, alpha=0.35)
             axis.plot(*_mean_curve(found), color=colour[name], label=name)
-        axis.set_xlabel(over)
+        held = f"decisions in training, each held for {report.held} steps"
+        axis.set_xlabel(held if report.held > 1 else "steps in training")
         axis.set_ylabel("mean return [steps]" if report.earns_steps else "mean return")
         axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}".replace(",", "\u202f")))
         if report.earns_steps:
@@ -179,43 +168,6 @@ def figure_rollouts(report: LoopReport) -> Figure | None:
         return figure
 
 
-def figure_divergence(report: LoopReport) -> Figure | None:
-    """Distance to the target over time per channel: median and the band of 80 % of the rollouts, logarithmic."""
-    simulators = {
-        name: found["bands"] for name, found in rollout_simulators(report).items() if found.get("bands")
-    }
-    channels = list(dict.fromkeys(channel for found in simulators.values() for channel in found))
-    if not channels:
-        return None
-    colour = colours([*report.policies, *simulators])
-    step = float((report.summary.get("rollout") or {}).get("dt", report.dt))
-    columns = 2 if len(channels) > 1 else 1
-    rows = -(-len(channels) // columns)
-    with style():
-        figure, axes = panels(rows, columns, (11.0, 0.7 + 2.5 * rows), sharex=True)
-        for axis, channel in zip(axes.flat, channels, strict=False):
-            for name, found in simulators.items():
-                if channel not in found:
-                    continue
-                bands = np.array([found[channel][key] for key in ("q10", "median", "q90")], dtype=np.float64)
-                low, middle, high = np.where(bands > 0.0, bands, np.nan)  # a logarithm cannot show the others
-                t = step * np.arange(len(middle))
-                axis.fill_between(t, low, high, color=colour[name], alpha=0.18, linewidth=0)
-                dashed = name == "GP-Mean"  # lies on GP-Sample's where a sample scatters little
-                line: dict[str, Any] = {"linestyle": "--", "zorder": 3} if dashed else {"zorder": 2}
-                axis.plot(t, middle, color=colour[name], label=name, **line)
-            if any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
-                axis.set_yscale("log")
-            axis.set_title(shortened(channel))
-            axis.set_ylabel(f"distance [{shortened(report.unit(channel, '-'), LONGEST_UNIT)}]")
-        for axis in axes.flat[len(channels) :]:
-            axis.set_visible(False)
-        for axis in axes[-1]:
-            axis.set_xlabel("time [s]")
-        legend_above(figure, axes[0, 0])
-        return figure
-
-
 def figure_trips(report: LoopReport) -> Figure | None:
     """A panel a policy: solid on the target, coloured by the steps it took, dotted in its own simulator."""
     trips = report.trips
@@ -246,31 +198,6 @@ def figure_trips(report: LoopReport) -> Figure | None:
             axis.set_xlabel("x [m]")
         bar = figure.colorbar(LineCollection([], cmap="viridis", norm=norm), ax=axes, shrink=0.6, pad=0.02)
         bar.set_label("steps on the target")
-        return figure
-
-
-def figure_steps(report: LoopReport) -> Figure | None:
-    """How many starts each policy has solved by a number of steps, over all seeds."""
-    trips = report.trips
-    if trips is None:
-        return None
-    colour = colours(report.policies)
-    with style():
-        figure, axes = panels(1, 2, (11.0, 3.4), sharey=True)
-        halves = (("facing the goal", ~trips.behind), ("facing away", trips.behind))
-        for axis, (words, starts) in zip(axes[0], halves, strict=True):
-            for name in report.policies:
-                steps, reached = trips.steps[name][:, starts].ravel(), trips.reached[name][:, starts].ravel()
-                if steps.size:
-                    at = np.sort(steps[reached])
-                    share = 100.0 * np.arange(1, len(at) + 1) / steps.size
-                    at = np.concatenate([[0.0], at, [report.best_return]])
-                    share = np.concatenate([[0.0], share, share[-1:] if len(share) else [0.0]])
-                    axis.step(at, share, where="post", color=colour[name], label=name)
-            axis.set_title(f"Starts {words}")
-            axis.set_xlabel("steps")
-        axes[0, 0].set_ylabel("goal reached [%]")
-        axes[0, -1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return figure
 
 

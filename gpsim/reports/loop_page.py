@@ -16,14 +16,11 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.reports.canvas import POLICIES, colours, data_uri, page_of, resource
-from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.gp_figures import figure_residual_slices
 from gpsim.reports.loop_figures import (
-    figure_divergence,
-    figure_expert_rounds,
     figure_learning_curves,
     figure_returns,
     figure_rollouts,
-    figure_steps,
     figure_trips,
 )
 from gpsim.reports.loop_report import LoopReport
@@ -34,10 +31,8 @@ from gpsim.reports.loop_sheets import (
     gp_warnings,
     one_step_sheet,
     paragraph,
-    rates,
     return_sheets,
     rollout_sheet,
-    scale_sheet,
     success_sheets,
 )
 from gpsim.reports.sheets import Cell, Sheet, literal, printable
@@ -47,14 +42,10 @@ HEADER = (
 )
 FIGURES: Mapping[str, Callable[[LoopReport], Figure | None]] = {
     "trips": figure_trips,
-    "steps": figure_steps,
     "returns": figure_returns,
     "slices": figure_residual_slices,
-    "calibration": figure_calibration,
     "rollouts": figure_rollouts,
-    "divergence": figure_divergence,
     "learning": figure_learning_curves,
-    "rounds": figure_expert_rounds,
 }
 """By their keys in the template."""
 
@@ -76,7 +67,6 @@ def render(report: LoopReport) -> str:
         calibration=calibration_sheet(report),
         rollout=rollout_sheet(report),
         fit=fit_sheet(report),
-        scales=scale_sheet(report),
         warnings=gp_warnings(report),
         pictures={key: (data_uri(f), _shown(report, key)) for key, f in drawn.items() if f is not None},
         settings=list(_settings(report.settings)),
@@ -87,9 +77,7 @@ def _shown(report: LoopReport, picture: str) -> list[str]:
     """Names of channels and rates that a picture holds, of which long ones are shortened."""
     names = {
         "slices": [name for cut in report.slices.values() for name in (cut.rate, cut.channel, *cut.at)],
-        "calibration": rates(report),
         "rollouts": report.states,
-        "divergence": report.states,
     }
     return list(dict.fromkeys(names.get(picture, ())))
 

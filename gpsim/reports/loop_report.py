@@ -75,8 +75,7 @@ class LoopReport:
     which is what it earns at most where every step earns 1 (earns_steps); own_rewards: whether rewards are a Gymnasium
     environment's own, of which none says that a start is solved (best_return is then the most that was earned);
     held: control steps that a decision is held in training; curves: policy to one (decisions, mean return) per seed;
-    rounds: policy to one (round of expert iteration, mean return on fresh starts) per seed; slices: rate to slice, of
-    the first seed;
+    slices: rate to slice, of the first seed;
     named: seed to what its diagnosis found, in sentences; given: what the loop was given instead of making it
     (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
@@ -97,7 +96,6 @@ class LoopReport:
     own_rewards: bool = False
     held: int = 1
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
-    rounds: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
     slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
     named: Mapping[int, Sequence[str]] = field(default_factory=dict)
     given: tuple[str, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -372,54 +372,20 @@ def rollout_sheet(report: LoopReport) -> Sheet:
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
-    """What each fit says of itself."""
-    columns = (
-        "Seed", "Rate", "Outcome", "Rows", "Log likelihood", "at the start",
-        "Noise std", "Noise std, standardised", "Signal std, standardised", "Evaluations",
-    )  # fmt: skip
+    """How each fit ended, on how many rows, and the noise that it found; the rest is in fit.json."""
     rows = []
-    for seed, rate, fit in _fits(report):
-        standard, original = fit.get("hyper_parameters") or {}, fit.get("hyper_parameters_original") or {}
-        outcome = str(fit.get("outcome", MISSING)).replace("_", " ")
-        rows.append(
-            row(
-                str(seed),
-                rate,
-                Cell(outcome, marked=fit.get("converged") is False, title=str(fit.get("advice", ""))),
-                str(fit.get("rows", MISSING)),
-                significant(fit.get("log_marginal_likelihood"), 4),
-                significant(fit.get("initial_log_marginal_likelihood"), 4),
-                f"{significant(original.get('noise_std'))} {report.unit(rate)}".strip(),
-                significant(standard.get("noise_std")),
-                significant(standard.get("signal_std")),
-                str(fit.get("evaluations", MISSING)),
+    for seed, fitted in report.fits.items():
+        for rate, fit in (fitted.get("rates") or {}).items():
+            noise = (fit.get("hyper_parameters_original") or {}).get("noise_std")
+            outcome = Cell(
+                str(fit.get("outcome", MISSING)).replace("_", " "),
+                marked=fit.get("converged") is False,
+                title=str(fit.get("advice", "")),
             )
-        )
-    note = "Log marginal likelihood of the standardised residuals, in natural logarithms."
-    return Sheet("Fits: one Gaussian process per rate", columns, tuple(rows), 3, note)
-
-
-def scale_sheet(report: LoopReport) -> Sheet:
-    """Length scale and linear weight of every input, standardised, of every fit."""
-    columns = dict.fromkeys(name for fit in report.fits.values() for name in fit.get("inputs", ()))
-    rows: list[tuple[str, ...]] = []
-    for seed, rate, fit in _fits(report):
-        hyper, names = fit.get("hyper_parameters") or {}, report.fits[seed].get("inputs", ())
-        for words, key in (("length scale", "lengthscales"), ("linear std", "linear_stds")):
-            values = dict(zip(names, hyper.get(key) or (), strict=False))
-            rows.append((str(seed), rate, words, *(significant(values.get(name)) for name in columns)))
-    note = (
-        "Standardised inputs. A length scale far above 1: the smooth part ignores the input; "
-        "a linear std near 0: so does the linear part."
-    )
-    return sheet("Hyper-parameters per input", ("Seed", "Rate", "", *columns), rows, labels=3, note=note)
-
-
-def _fits(report: LoopReport) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
-    """(seed, rate, report of the fit)."""
-    for seed, fit in report.fits.items():
-        for rate, found in (fit.get("rates") or {}).items():
-            yield seed, rate, found
+            spread = f"{significant(noise)} {report.unit(rate)}".strip()
+            rows.append(row(str(seed), rate, outcome, str(fit.get("rows", MISSING)), spread))
+    columns = ("Seed", "Rate", "Outcome", "Rows", "Noise std")
+    return Sheet("Fits: one Gaussian process per rate", columns, tuple(rows), 3)
 
 
 def gp_warnings(report: LoopReport) -> list[str]:

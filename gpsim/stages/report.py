@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -87,15 +87,12 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
     training, policies = training_settings(request.config), train_gp_policy.policy_names(request)
 
-    def by_policy(file: str, read: Callable[[pd.DataFrame], Curve]) -> dict[str, list[Curve]]:
-        """What every policy's training wrote down."""
-        found: dict[str, list[Curve]] = {}
-        for name in policies:
-            stage, settings = train_gp_policy.TRAINED_BY[name]
-            parts = [stage.need(r.having(**settings)).path / file for r in requests.values()]
-            found[name] = [read(pd.read_csv(path)) for path in parts]
-        return found
-
+    curves: dict[str, list[Curve]] = {}
+    for name in policies:
+        stage, settings = train_gp_policy.TRAINED_BY[name]
+        parts = [stage.need(r.having(**settings)).path / "learning_curve.csv" for r in requests.values()]
+        tables = [pd.read_csv(path) for path in parts]
+        curves[name] = [(_column(table, "steps"), _column(table, "mean_return")) for table in tables]
     paths = load_file(evaluated[seeds[0]].path / "rollouts.safetensors")
     limits = {
         "theta": request.config["task"].get("angle_limit"),
@@ -116,14 +113,7 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         earns_steps=isinstance(task, Balance),
         own_rewards=train_gp_policy.full_return(task) is None,
         held=getattr(training, "action_repeat", 1),
-        curves=by_policy(
-            "learning_curve.csv", lambda table: (_column(table, "steps"), _column(table, "mean_return"))
-        ),
-        rounds=by_policy(
-            "checkpoints.csv", lambda table: (np.arange(float(len(table))), _column(table, "score"))
-        )
-        if getattr(training, "expert_rounds", 0)
-        else {},
+        curves=curves,
         slices=residual_slices(residuals, correction, fit_gp.rows_of(first, residuals)),
         named=told_by_diagnoses(requests) if train_gp_policy.needs_diagnosis(request) else {},
         given=_given(request),

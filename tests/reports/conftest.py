@@ -87,12 +87,8 @@ def _scores(nrmse: float) -> dict[str, Any]:
 
 
 def _rollout() -> dict[str, Any]:
-    rising = np.linspace(0.0, 1.0, 21)
-    bands = {
-        name: {"q10": list(0.5 * rising), "median": list(rising), "q90": list(2 * rising)} for name in STATES
-    }
     rms = {name: 0.1234 * (i + 1) for i, name in enumerate(STATES)}
-    simulators = {name: {"rms": rms, "bands": bands} for name in ("Source", "GP-Mean", "GP-Sample")}
+    simulators = {name: {"rms": rms} for name in ("Source", "GP-Mean", "GP-Sample")}
     return {"horizon_s": 0.4, "rollouts": 12, "dt": 0.02, **simulators}
 
 
@@ -114,13 +110,9 @@ def _slice(rate: str) -> ResidualSlice:
 
 
 def _fit() -> dict[str, Any]:
-    hyper = {
-        "signal_std": 0.5, "lengthscales": [1.5, 777.0], "linear_stds": [0.25, 0.001], "noise_std": 0.001,
-    }  # fmt: skip
     rate = {
-        "outcome": "likelihood_settled", "advice": "The fit converged.", "converged": True,
-        "log_marginal_likelihood": 428.3, "initial_log_marginal_likelihood": 2.0, "hyper_parameters": hyper,
-        "hyper_parameters_original": {**hyper, "noise_std": 0.0094}, "evaluations": 60, "rows": 80,
+        "outcome": "likelihood_settled", "advice": "The fit converged.", "converged": True, "rows": 80,
+        "hyper_parameters_original": {"noise_std": 0.0094},
     }  # fmt: skip
     warned = ["x_acc: noise <floor>"]
     rates = {"x_acc": rate, "theta_acc": rate}

@@ -19,28 +19,15 @@ from gpsim.channels import Channels
 from gpsim.recordings import Episode, Recording
 from gpsim.reports import canvas
 from gpsim.reports.canvas import OTHERS, POLICIES, colours, drawable, make_literal, panels, png, style, svg
-from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.gp_figures import figure_residual_slices
 from gpsim.reports.import_figure import draw_channels
-from gpsim.reports.loop_figures import (
-    figure_divergence,
-    figure_expert_rounds,
-    figure_learning_curves,
-    figure_returns,
-    figure_rollouts,
-)
+from gpsim.reports.loop_figures import figure_learning_curves, figure_returns, figure_rollouts
 from gpsim.reports.loop_page import render
 from gpsim.reports.quantities import shortened
 
 pytestmark = pytest.mark.pictures
 
-FIGURES = [
-    figure_returns,
-    figure_learning_curves,
-    figure_residual_slices,
-    figure_calibration,
-    figure_rollouts,
-    figure_divergence,
-]
+FIGURES = [figure_returns, figure_learning_curves, figure_residual_slices, figure_rollouts]
 
 
 @pytest.mark.filterwarnings("error")
@@ -62,7 +49,7 @@ def test_a_page_of_the_same_data_has_the_same_bytes(make_report: Any) -> None:
 
 
 def test_png_has_the_same_bytes_and_no_program_name(make_report: Any) -> None:
-    first, second = (png(figure_calibration(make_report())) for _ in range(2))
+    first, second = (png(figure_returns(make_report())) for _ in range(2))
     assert first == second
     assert b"Software" not in first
 
@@ -72,7 +59,7 @@ def test_every_axis_is_labelled(make: Any, make_report: Any) -> None:
     figure = make(make_report())
     lowest = [axis for axis in figure.axes if axis.get_subplotspec().is_last_row()]
     assert lowest
-    assert all(axis.get_xlabel() or "interval" in axis.get_xticklabels()[0].get_text() for axis in lowest)
+    assert all(axis.get_xlabel() for axis in lowest)
     assert any("[" in text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()))
 
 
@@ -93,17 +80,6 @@ def test_learning_curve_is_the_mean_over_seeds(make_report: Any) -> None:
     bold = next(line for line in axis.lines if line.get_label() == "Target")
     expected = np.mean([values for _, values in report.curves["Target"]], axis=0)
     np.testing.assert_allclose(bold.get_ydata(), expected)
-
-
-def test_rounds_of_an_expert_are_drawn_where_there_are_any(make_report: Any) -> None:
-    report = make_report(2, ("Source", "Target"))
-    assert figure_expert_rounds(report) is None
-    scores = [np.array([300.0, 200.0, 450.0]), np.array([320.0, 420.0, 460.0])]
-    taught = replace(report, rounds={"Target": [(np.arange(3.0), score) for score in scores]})
-    axis = figure_expert_rounds(taught).axes[0]
-    bold = next(line for line in axis.lines if line.get_label() == "Target")
-    np.testing.assert_allclose(bold.get_ydata(), [310.0, 310.0, 455.0])
-    assert "rounds of expert iteration" in axis.get_xlabel()
 
 
 def test_unknown_policies_take_the_rest_of_the_palette() -> None:
@@ -179,20 +155,9 @@ def test_a_shortened_name_keeps_its_ends(name, most):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    "make", [figure_residual_slices, figure_calibration, figure_rollouts, figure_divergence]
-)
+@pytest.mark.parametrize("make", [figure_residual_slices, figure_rollouts])
 def test_figures_of_a_loop_with_odd_names_are_drawn(make: Any, make_report: Any) -> None:
     assert svg(make(odd_report(make_report))).startswith(b"<?xml")
-
-
-def test_no_rate_is_dropped_from_the_legend(make_report: Any) -> None:
-    legend = figure_calibration(odd_report(make_report)).axes[-1].get_legend()
-    assert [text.get_text().lstrip("\u200b") for text in legend.get_texts()] == [
-        "nominal",
-        ODD["x_acc"],
-        ODD["theta_acc"],
-    ]
 
 
 def test_rollouts_show_what_is_no_velocity_whatever_it_is_called(make_report: Any) -> None:

@@ -67,7 +67,7 @@ def to_goals(report: LoopReport) -> LoopReport:
 def test_nothing_from_outside_the_page_as_it_is_drawn(make_report: Make) -> None:
     page = check_policy(render(make_report(2)))
     pictures = [a["src"] for tag, a in page.elements if tag == "img"]
-    assert len(pictures) == 6  # one per figure
+    assert len(pictures) == 4  # one per figure
     assert all(source.startswith("data:image/svg+xml;base64,") for source in pictures)
     assert not re.search(r"https?://|url\(|@import", render(make_report(2)))
     dots = {a["class"] for tag, a in page.elements if tag == "span" and a["class"].startswith("dot ")}
