@@ -44,6 +44,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/blind_test.md",
     "method/proofs.md",
     "method/scored_logs.md",
+    "method/peers.md",
     "method/after_the_loop.md",
     "method/scale.md",
 )

@@ -1,0 +1,183 @@
+"""The page and the figure of what came out, from the cells that are kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+from peer_grounds.contract import Ground, Peer
+
+Cell = dict[str, Any]
+COMMAND = "GPSIM_RECORDINGS=... python benchmarks/peers.py && python benchmarks/peers.py --keep"
+T95 = {
+    2: 12.71,
+    3: 4.30,
+    4: 3.18,
+    5: 2.78,
+    6: 2.57,
+    7: 2.45,
+    8: 2.36,
+}  # of Student's t, by the number of seeds
+COLOURS = {"gpsim": "#0b6e4f", "parameters": "#c8553d", "black box": "#4a6fa5"}
+MOST_NAMES = 6
+
+
+def write_page(root: Path, grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[Path]:
+    """docs/method/peers.md and docs/images/peers.svg; where they lie."""
+    page, image = root / "docs" / "method" / "peers.md", root / "docs" / "images" / "peers.svg"
+    draw(image, grounds, cells)
+    page.write_text("\n".join(words(grounds, cells)) + "\n", encoding="utf-8")
+    return [page, image]
+
+
+def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
+    """The lines of the page."""
+    lines = [
+        "# gpsim beside its peers", "",
+        "Made by `python benchmarks/peers.py --keep`, from the cells in `benchmarks/proofs/peers.json`,",
+        "which these made:",
+        "",
+        f"    pip install -c constraints.txt -e '.[peers]'\n    {COMMAND}", "",
+        "Every peer gets the same training part, its own defaults and a small grid, judged on a held-out part of",
+        "the training part; nobody sees the test part. gpsim is told nothing but the plain simulator. Seconds are of",
+        "processors, imports among them, one thread each, on a machine with other work. A cell that was not run is no",
+        "result, and says so.", "", "![Error against seconds, a dot a peer and ground](../images/peers.svg)",
+    ]  # fmt: skip
+    for ground in grounds:
+        lines += section(ground, [c for c in cells if c["ground"] == ground.name])
+    return lines
+
+
+def section(ground: Ground, cells: Sequence[Cell]) -> list[str]:
+    """A ground: table, parameters, efforts, what is published."""
+    lines = ["", f"## {ground.title}", "", f"{ground.split[0].upper()}{ground.split[1:]}.", ""]
+    lines += [
+        f"| peer | {' | '.join(ground.columns)} | names | processor s |",
+        "|---" * (len(ground.columns) + 3) + "|",
+    ]
+    by_peer = {peer.name: [c for c in cells if c["peer"] == peer.name] for peer in ground.peers}
+    lines += [row(ground, peer, by_peer[peer.name]) for peer in ground.peers]
+    if ground.published:
+        lines += ["", "Published, run by others:", ""]
+        lines += [f"- {p.value:g} {p.unit}, {p.what} ({p.source})" for p in ground.published]
+    sizes = [(peer, c) for peer in ground.peers for c in by_peer[peer.name][:1] if c.get("parameters")]
+    if sizes and len(ground.seeds) == 1:
+        lines += ["", "| peer | parameter | value | 90 % | published |", "|---|---|---|---|---|"]
+        lines += [size(peer, p) for peer, cell in sizes for p in cell["parameters"]]
+    if ground.remarks is not None:
+        lines += ["", ground.remarks(cells).strip()]
+    efforts = [effort(peer, by_peer[peer.name]) for peer in ground.peers]
+    return [*lines, "", *efforts]
+
+
+def row(ground: Ground, peer: Peer, cells: Sequence[Cell]) -> str:
+    """A peer's row."""
+    done = [c for c in cells if c["status"] == "done"]
+    if not done:
+        why = f"{cells[0]['status']}: {plain(cells[0]['why'])}" if cells else "not run yet"
+        return f"| {peer.title} | {' | '.join([why, *[''] * (len(ground.columns) - 1)])} | | |"
+    values = [pooled([c["scores"].get(name) for c in done]) for name in ground.columns]
+    if len(done) < len(ground.seeds):
+        values[0] += f" ({len(done)} of {len(ground.seeds)} seeds)"
+    names = [plain(n) for n in done[0]["names"]] if len(ground.seeds) == 1 else []
+    told = ", ".join(names[:MOST_NAMES]) + (
+        f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    )
+    return f"| {peer.title} | {' | '.join(values)} | {told or '-'} | {seconds(done):.0f} |"
+
+
+def pooled(scores: Sequence[dict[str, Any] | None]) -> str:
+    """A score of one seed with its interval, or the mean of several with a 95 % interval of Student's t."""
+    known = [s for s in scores if s is not None and s["value"] is not None]
+    if not known:
+        return "ran away" if any(s is not None for s in scores) else "-"
+    unit = f" {known[0]['unit']}" if known[0]["unit"] else ""
+    values = [s["value"] for s in known]
+    away = f"; {len(scores) - len(known)} ran away" if len(known) < len(scores) else ""
+    if len(scores) == 1:
+        edges = "" if known[0]["low"] is None else f" ({known[0]['low']:.3g} to {known[0]['high']:.3g})"
+        return f"{values[0]:.4g}{unit}{edges}"
+    mean = sum(values) / len(values)
+    if len(values) < 2:
+        return f"{mean:.4g}{unit}{away}"
+    spread = math.sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1) / len(values))
+    half = T95.get(len(values), 2.0) * spread
+    return f"{mean:.4g}{unit} ({mean - half:.3g} to {mean + half:.3g}){away}"
+
+
+def seconds(cells: Sequence[Cell]) -> float:
+    """Processor seconds a cell."""
+    return float(sum(c["processor_s"] for c in cells) / len(cells))
+
+
+def size(peer: Peer, p: dict[str, Any]) -> str:
+    """A parameter's row."""
+    edges = "-" if p["low"] is None or p["high"] is None else f"{p['low']:.4g} to {p['high']:.4g}"
+    known = "" if p["known"] is None else f"{p['known']:g}"
+    return f"| {peer.title} | {plain(p['name'])} | {p['value']:.4g} {p['unit']} | {edges} | {known} |"
+
+
+def effort(peer: Peer, cells: Sequence[Cell]) -> str:
+    """What a peer is, what effort it got, and what crashed."""
+    said = [peer.what] if peer.what else []
+    for cell in cells[:1]:
+        said += [cell.get("tuned") or "", cell.get("notes") or ""]
+    packages = cells[0]["versions"] if cells else {}
+    said += [", ".join(f"{k} {v}" for k, v in sorted(packages.items()) if k != "gpsim")]
+    return f"- {peer.title}: {plain('; '.join(s for s in said if s)) or 'not run yet'}."
+
+
+def plain(text: str) -> str:
+    """A text that stays in its cell of a table."""
+    return text.replace("|", "/").replace("\n", " ").replace("<", "").replace(">", "")
+
+
+def draw(path: Path, grounds: Sequence[Ground], cells: Sequence[Cell]) -> None:
+    """Error of the headline over the best peer's, against processor seconds; a dot a peer and ground."""
+    shown = [g for g in grounds if dots(g, cells)]
+    columns = max(min(3, len(shown)), 1)
+    rows = max(-(-len(shown) // columns), 1)
+    with plt.rc_context({"svg.hashsalt": "peers", "font.size": 8}):
+        figure, axes = plt.subplots(rows, columns, figsize=(3.4 * columns, 2.7 * rows), squeeze=False)
+        for axis in axes.flat[len(shown) :]:
+            axis.axis("off")
+        for axis, ground in zip(axes.flat, shown, strict=False):
+            unit = ""
+            for peer, spent, value, of in dots(ground, cells):
+                unit = of
+                axis.plot(spent, value, "o", color=COLOURS[peer.kind])
+                axis.annotate(
+                    peer.title, (spent, value), xytext=(4, 3), textcoords="offset points", fontsize=6
+                )
+            axis.set(
+                xscale="log", title=ground.title, xlabel="processor s", ylabel=f"{ground.headline} [{unit}]"
+            )
+            if not ground.more_is_better:
+                axis.set_yscale("log")
+            axis.margins(x=0.35, y=0.15)
+        figure.tight_layout()
+        figure.savefig(path, metadata={"Date": None})
+        plt.close(figure)
+
+
+def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float, str]]:
+    """Peer, processor seconds, mean headline, unit, of those that were run and did not run away."""
+    found = []
+    for peer in ground.peers:
+        done = [
+            c
+            for c in cells
+            if c["ground"] == ground.name and c["peer"] == peer.name and c["status"] == "done"
+        ]
+        scores = [c["scores"][ground.headline] for c in done if c["scores"].get(ground.headline)]
+        values = [s["value"] for s in scores if s["value"] is not None]
+        if values:
+            found.append((peer, max(seconds(done), 0.1), sum(values) / len(values), scores[0]["unit"]))
+    return found
