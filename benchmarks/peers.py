@@ -6,7 +6,7 @@
 
 runs every cell (ground, peer, seed) in a process of its own and writes OUT/GROUND/PEER-SEED.json; a cell that has its
 file is not run again, so the command carries on where it was stopped. `--again` repeats the cells that crashed, were
-stopped, or lacked a package. `--keep` puts the cells of OUT into benchmarks/proofs/peers.json and makes
+stopped, or lacked a package. `--keep` puts the cells of OUT into benchmarks/peers.json and makes
 docs/method/peers.md and docs/images/peers.svg from it. The peers' packages:
 `pip install -c constraints.txt -e '.[peers]'`.
 """
@@ -30,7 +30,7 @@ from peer_grounds.contract import Ground, Peer, Task, as_cell
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = "records", "worlds", "robots", "training"  # of peer_grounds, in the order of the page
-KEPT = ROOT / "benchmarks" / "proofs" / "peers.json"
+KEPT = ROOT / "benchmarks" / "peers.json"
 LEAST_LIMIT = 60.0  # s
 
 

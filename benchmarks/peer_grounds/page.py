@@ -41,7 +41,7 @@ def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
     """The lines of the page."""
     lines = [
         "# gpsim beside its peers", "",
-        "Made by `python benchmarks/peers.py --keep`, from the cells in `benchmarks/proofs/peers.json`,",
+        "Made by `python benchmarks/peers.py --keep`, from the cells in `benchmarks/peers.json`,",
         "which these made:",
         "",
         f"    pip install -c constraints.txt -e '.[peers]'\n    {COMMAND}", "",
@@ -127,6 +127,8 @@ def size(peer: Peer, p: dict[str, Any]) -> str:
 def effort(peer: Peer, cells: Sequence[Cell]) -> str:
     """What a peer is, what effort it got, and what crashed."""
     said = [peer.what] if peer.what else []
+    if cells and cells[0]["status"] != "done":
+        said.append(f"{cells[0]['status']}: {cells[0]['why']}")
     for cell in cells[:1]:
         said += [cell.get("tuned") or "", cell.get("notes") or ""]
     packages = cells[0]["versions"] if cells else {}

@@ -589,7 +589,7 @@ def diagnosed(case: Case, kind: str, task: Task) -> Answer:
         scores={"RMSE": Score(None if ran_away else float(np.sqrt(np.mean(error**2))), data.unit)},
         names=() if kind == "gp" else tuple(f"{e.family} on {e.place}" for e in diagnosis.effects),
         parameters=() if kind == "gp" else parameters,
-        tuned="nothing: the defaults, told nothing but the plain simulator",
+        tuned="nothing tuned: the defaults",
         notes=f"verdict {diagnosis.verdict}",
     )
 
@@ -655,7 +655,9 @@ def peers_of(data: Callable[[], Data], case: Case) -> Iterator[Peer]:
 EMPS_REMARKS = """
 Of those that yield parameters gpsim is ahead, and its intervals hold the published values. With its Gaussian process it
 is worse than without: **missed**. The likely cause, which was not tested: the process is judged on rollouts of about a
-second, and is asked here for 25 s without a reading, under pulses that the estimation record lacks.
+second, and is asked here for 25 s without a reading, under pulses that the estimation record lacks. Black boxes take
+one sample in ten, so that two readings lie in the window: models of more lags than that cannot start, and crash on the
+grid. No published figure of this test record stands here: none was found with a source that could be read.
 """
 TANKS_REMARKS = """
 gpsim is behind: **missed**. Its account, a bias of the level sensor, fits windows and not the record. Two attempts:
