@@ -240,8 +240,11 @@ def play(task: Task, namer: Namer | None, tuned: str) -> Answer:
                     "sizes": [],
                     "why": f"{type(error).__name__}: {error}"[:200],
                 }
-            path.write_text(json.dumps(line), encoding="utf-8")
-        lines.append((world, json.loads(path.read_text(encoding="utf-8"))))
+            if not line["why"]:  # what crashed is tried again
+                path.write_text(json.dumps(line), encoding="utf-8")
+        else:
+            line = json.loads(path.read_text(encoding="utf-8"))
+        lines.append((world, line))
         print(world["number"], lines[-1][1]["said"], flush=True)
     failed = [line["why"] for _, line in lines if line["why"]]
     if sum(bool(line["why"]) for world, line in lines if world["effects"]) >= EACH // 2:
