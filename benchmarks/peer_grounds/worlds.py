@@ -24,7 +24,7 @@ NEAR = 0.05  # of a true size, that a size may be off to be right
 THRESHOLDS = tuple(np.geomspace(0.1, 0.6, 10))
 Floats = NDArray[np.float64]
 Claim = frozenset[tuple[str, str]]
-Namer = Callable[[Any], tuple[Claim, dict[tuple[str, str], list[float]]]]
+Namer = Callable[[Any], tuple[Claim, dict[tuple[str, str], Any]]]
 """From a recording, what is claimed, and the sizes of each claim."""
 
 
@@ -200,7 +200,7 @@ def pysr_select(columns: Floats, force: Floats) -> Sequence[bool]:
 # Playing and scoring
 
 
-def told_by_gpsim(folder: Path, number: int) -> tuple[Claim, dict[tuple[str, str], list[float]]]:
+def told_by_gpsim(folder: Path, number: int) -> tuple[Claim, dict[tuple[str, str], Any]]:
     """What a blind diagnosis claims; what is slight counts, too."""
     from gpsim.trials.blinding import diagnose_blind, trial_name
     from gpsim.trials.claims import identity
@@ -210,7 +210,7 @@ def told_by_gpsim(folder: Path, number: int) -> tuple[Claim, dict[tuple[str, str
     if report is None:
         return frozenset({("failed", "")}), {}
     effects = json.loads(report.read_text(encoding="utf-8"))["effects"]
-    claims = {identity(e): [p["value"] for p in e["parameters"].values()] for e in effects}
+    claims = {identity(e): {name: p["value"] for name, p in e["parameters"].items()} for e in effects}
     return frozenset(claims), claims
 
 
@@ -274,6 +274,10 @@ def scored(lines: Sequence[tuple[dict[str, Any], dict[str, Any]]], tuned: str, n
         for effect in world["effects"]:
             values = given.get((effect["family"], effect["on"]), [])
             true = list(effect["parameters"].values())
+            if isinstance(values, dict):
+                values = [values[name] for name in effect["parameters"] if name in values]
+            elif "coefficient" in effect["parameters"]:
+                continue  # a regression tells a force, which is no coefficient
             if len(values) == len(true):
                 errors += [abs(v - t) / max(abs(t), 1e-12) for v, t in zip(values, true, strict=True)]
     lack, quiet = hits["lacking"], hits["quiet"]
