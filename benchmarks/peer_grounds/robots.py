@@ -1,0 +1,172 @@
+"""Grounds with robots: a Staubli TX40 with all six joints, and the six robots of a scoreboard of real logs."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from peer_grounds.contract import Answer, Ground, Peer, Task
+
+SYSID = (
+    "its own optimiser (50 iterations) on windows of the training part, of 0.2 or of 1 s: whichever did better on its "
+    "last fifth"
+)
+
+
+def arm(peer: str) -> Callable[[Task], Answer]:
+    """A peer on the TX40."""
+
+    def run(task: Task) -> Answer:
+        from peer_grounds.tx40 import asked
+
+        return asked(peer, task.folder)
+
+    return run
+
+
+def robot(peer: str) -> Callable[[Task], Answer]:
+    """A peer on the scoreboard's robot of the seed."""
+
+    def run(task: Task) -> Answer:
+        from peer_grounds.scored_robots import asked
+
+        return asked(peer, task.seed, task.folder)
+
+    return run
+
+
+def no_arm() -> str:
+    """Why the TX40 cannot be asked."""
+    where = Path(os.environ.get("GPSIM_RECORDINGS", "")) / "staubli_tx40" / "pos_read_data.csv"
+    return "" if where.is_file() else "no staubli_tx40 in --recordings (GPSIM_RECORDINGS): see data/README.md"
+
+
+def no_scoreboard() -> str:
+    """Why the scoreboard cannot be asked."""
+    where = Path(os.environ.get("GPSIM_SCOREBOARD", "")) / "cases"
+    return "" if where.is_dir() else "no scored logs in --scoreboard (GPSIM_SCOREBOARD)"
+
+
+def side_by_side(cells: Sequence[dict[str, Any]]) -> str:
+    """A row a robot: what is left of the model's own error, and processor seconds; then how often gpsim is ahead."""
+    done = {(c["details"]["robot"], c["peer"]): c for c in cells if c["status"] == "done"}
+    robots = list(dict.fromkeys(name for name, _ in done))
+    peers = [p.name for p in SCOREBOARD.peers if p.name != "as-it-is"]
+    lines = [f"| robot | {' | '.join(peers)} |", "|---" * (len(peers) + 1) + "|"]
+    ahead = quick = both = 0
+    for name in robots:
+        row = []
+        for peer in peers:
+            cell = done.get((name, peer))
+            row.append("not run" if cell is None else said(cell))
+        lines.append(f"| {name} | {' | '.join(row)} |")
+        ours, theirs = done.get((name, "gpsim-effects")), done.get((name, "mujoco-sysid-told"))
+        if ours and theirs:
+            both += 1
+            better = ours["scores"]["left"]["value"] < theirs["scores"]["left"]["value"]
+            ahead, quick = ahead + better, quick + (better and ours["processor_s"] <= theirs["processor_s"])
+    total = f"gpsim, told nothing, is ahead of mujoco.sysid told by hand on {ahead} of {both}"
+    return "\n".join(
+        [
+            "Left after 0.2 s, after 1 s; processor seconds.",
+            "",
+            *lines,
+            "",
+            f"{total}, on {quick} at no more seconds.",
+        ]
+    )
+
+
+def said(cell: dict[str, Any]) -> str:
+    """Two shares and seconds."""
+    shares = [cell["scores"][f"left, {h}"]["value"] for h in ("0.2 s", "1 s")]
+    texts = ["ran away" if s is None or not math.isfinite(s) else f"{s:.3g}" for s in shares]
+    return f"{', '.join(texts)}; {cell['processor_s']:.0f} s"
+
+
+TX40 = Ground(
+    "tx40",
+    "Staubli TX40, six joints",
+    "the first four fifths of what moves train, the last fifth tests",
+    "torque",
+    ("torque", "torque, joints 1-4", "left, 0.2 s", "left, 1 s"),
+    (
+        Peer("as-it-is", "the maker's model as it is", arm("as-it-is"), "parameters", ("mujoco",)),
+        Peer(
+            "figaroh",
+            "figaroh",
+            arm("figaroh"),
+            "parameters",
+            ("figaroh", "pinocchio", "mujoco"),
+            what="BaseIdentification with the settings of figaroh's own example of this log and its coupled wrist, "
+            "weighted least squares on the torques",
+        ),
+        Peer(
+            "mujoco-sysid",
+            "mujoco.sysid, every joint",
+            arm("mujoco-sysid"),
+            "parameters",
+            ("mujoco", "colorama"),
+            what=f"dry friction, damping and rotor of every joint free; {SYSID}",
+        ),
+        Peer(
+            "mujoco-sysid-wrist",
+            "mujoco.sysid, every joint and the coupled wrist",
+            arm("mujoco-sysid-wrist"),
+            "parameters",
+            ("mujoco", "colorama"),
+            what="the same with a tendon for the motor that turns joints 5 and 6, of which a user has to know",
+        ),
+        Peer(
+            "gpsim-effects",
+            "gpsim",
+            arm("gpsim-effects"),
+            "gpsim",
+            ("mujoco",),
+            what="`gpsim diagnose`, told nothing",
+        ),
+    ),
+    absent=no_arm,
+)
+SCOREBOARD = Ground(
+    "scoreboard",
+    "six robots of the scored logs",
+    "what each log holds out tests; a cell a robot. Left: of the error of the model as it is, geometric mean over "
+    "joints (and over 0.2 and 1 s)",
+    "left",
+    ("left", "left, 0.2 s", "left, 1 s"),
+    (
+        Peer("as-it-is", "the model as it is", robot("as-it-is"), "parameters", ("mujoco",)),
+        Peer(
+            "mujoco-sysid-told",
+            "mujoco.sysid, told by hand what is missing",
+            robot("mujoco-sysid-told"),
+            "parameters",
+            ("mujoco", "colorama"),
+            what=f"only what the references name is free; {SYSID}",
+        ),
+        Peer(
+            "mujoco-sysid-all",
+            "mujoco.sysid, told everything",
+            robot("mujoco-sysid-all"),
+            "parameters",
+            ("mujoco", "colorama"),
+            what=f"friction, damping, rotors, masses and gains all free; {SYSID}",
+        ),
+        Peer(
+            "gpsim-effects",
+            "gpsim",
+            robot("gpsim-effects"),
+            "gpsim",
+            ("mujoco",),
+            what="`gpsim diagnose`, told nothing",
+        ),
+    ),
+    seeds=(0, 1, 2, 3, 4, 5),
+    absent=no_scoreboard,
+    remarks=side_by_side,
+)
+GROUNDS = (TX40, SCOREBOARD)
