@@ -43,7 +43,7 @@ from gpsim.stages.stage import Request, generator
 from peer_grounds.contract import Answer, Score
 
 Floats = NDArray[np.float64]
-SHARE = {"cartpole": 1.0, "limo": 0.25}  # of the training steps: 300 000 steps and 15 000 decisions
+SHARE = {"cartpole": 1 / 3, "limo": 0.25}  # of the training steps: 100 000 steps and 15 000 decisions
 PURPOSE = "peers"  # of the seeds: the same for all peers
 PAST = {"cartpole": 0, "limo": 5}  # commands before the present one that the delta action sees
 WIDTH, ROUNDS, RATE, PATIENCE = 64, 2000, 5e-3, 200  # of its network: units, steps of Adam, learning rate

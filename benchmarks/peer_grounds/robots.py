@@ -50,6 +50,20 @@ def no_scoreboard() -> str:
     return "" if where.is_dir() else "no scored logs in --scoreboard (GPSIM_SCOREBOARD)"
 
 
+def joint_by_joint(cells: Sequence[dict[str, Any]]) -> str:
+    """What of the torque's spread each leaves, joint by joint."""
+    lines = ["| torque left of joint | 1 | 2 | 3 | 4 | 5 | 6 |", "|---" * 7 + "|"]
+    for cell in cells:
+        if cell["status"] == "done":
+            shares = " | ".join(f"{share:.3g}" for share in cell["details"]["torque"]["by_joint"])
+            lines.append(f"| {cell['peer']} | {shares} |")
+    why = (
+        "Motor 6 turns joints 5 and 6 together, and so does its friction. figaroh's columns and the tendon say so; a "
+        "model with friction at each joint alone cannot, and gpsim has no place for a law but joints and motors."
+    )
+    return "\n".join([*lines, "", why])
+
+
 def side_by_side(cells: Sequence[dict[str, Any]]) -> str:
     """A row a robot: what is left of the model's own error, and processor seconds; then how often gpsim is ahead."""
     done = {(c["details"]["robot"], c["peer"]): c for c in cells if c["status"] == "done"}
@@ -130,6 +144,7 @@ TX40 = Ground(
         ),
     ),
     absent=no_arm,
+    remarks=joint_by_joint,
 )
 SCOREBOARD = Ground(
     "scoreboard",

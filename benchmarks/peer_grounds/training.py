@@ -22,7 +22,8 @@ WHAT = {
         "delta action (ASAP)",
         "black box",
         "a network adds to the action what makes the simulator follow the recording (He et al. 2025, "
-        "arXiv:2502.01143); the best added action is solved for and regressed on, two layers of 64 units, stopped on the last fifth",
+        "arXiv:2502.01143); the best added action is solved for and regressed on by two layers of 64 units, which the "
+        "last fifth stops",
     ),
     "gpsim-gp": (
         "a Gaussian process alone",
@@ -105,7 +106,7 @@ GROUNDS = (
     ground(
         "cartpole",
         "training in the corrected simulator: CartPole, PPO",
-        SPLIT.format("300 000 steps; return"),
+        SPLIT.format("100 000 steps; return"),
     ),
     ground(
         "limo", "training in the corrected simulator: Limo, SAC", SPLIT.format("15 000 decisions; return")
