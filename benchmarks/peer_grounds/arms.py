@@ -446,8 +446,9 @@ def _windows(parts: Sequence[tuple[Floats, Floats]], steps: int) -> tuple[Floats
 
 
 def _error(log: Log, model: mujoco.MjModel, parts: Sequence[tuple[Floats, Floats]]) -> float:
-    """Of positions after each horizon as a share of their spread, the geometric mean of the horizons."""
+    """Of positions, as a share of their spread in all that trains: the geometric mean of the horizons."""
     dt, n = log.dt, log.n
+    spread = np.concatenate([p[:, :n] for p, _ in log.trained()]).std(axis=0) + 1e-6
     shares = []
     for horizon in HORIZONS:
         steps = round(horizon / dt)
@@ -456,7 +457,6 @@ def _error(log: Log, model: mujoco.MjModel, parts: Sequence[tuple[Floats, Floats
         states, actions = _windows(parts, steps)
         none = (states[:, :0], actions[:, :0])
         path = rolled(model, dt)(Starts(none, states, actions))
-        spread = np.concatenate([p[:, :n] for p, _ in parts]).std(axis=0) + 1e-9
         shares.append(
             float(np.mean(np.sqrt(np.mean((path[:, -1] - states[:, -1, :n]) ** 2, axis=0)) / spread))
         )
