@@ -382,7 +382,6 @@ class Fitted:
     window: float  # s
     seconds: float  # processor seconds of the fits with the chosen window
     tried: dict[str, float]  # by window: error on the last fifth of the training part
-    all_seconds: float
 
 
 WINDOWS = (
@@ -427,7 +426,7 @@ def fit(log: Log, free: Mapping[str, Free], most: int = 50) -> Fitted:
         name: (float(v), float(v - w), float(v + w)) for name, v, w in zip(free, values, width, strict=True)
     }
     model = _built(log, free, values)
-    return Fitted(model, said, best[1], seconds[best[1]] + last, tried, sum(seconds.values()) + last)
+    return Fitted(model, said, best[1], seconds[best[1]] + last, tried)
 
 
 def _built(log: Log, free: Mapping[str, Free], values: Floats) -> mujoco.MjModel:

@@ -330,7 +330,7 @@ def identified(raw: Raw, work: Path) -> tuple[Base, dict[str, Any]]:
     border = round(BORDER * RATE)
 
     class Arm(BaseIdentification):  # type: ignore[misc]
-        def load_trajectory_data(self, data_source: str | None = None) -> dict[str, Any]:
+        def load_trajectory_data(self, *_: Any) -> dict[str, Any]:
             t = (np.arange(raw.first) / RATE).reshape(-1, 1)
             none = {"velocities": None, "accelerations": None}
             return {
