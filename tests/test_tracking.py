@@ -109,7 +109,7 @@ def test_another_tracker_is_no_choice(tmp_path):
 
 
 def test_off_no_writer_of_events_is_made(tmp_path, monkeypatch):
-    from gpsim.policies.training import events
+    from gpsim.policies.training import sb3
 
-    monkeypatch.setattr(events, "TensorBoardOutputFormat", None)  # what is called would be no function
+    monkeypatch.setattr(sb3, "TensorBoardOutputFormat", None)  # what is called would be no function
     assert trained(TINY, tmp_path / "runs").path.is_dir()

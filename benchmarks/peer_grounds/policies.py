@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 from gpsim.cli.configuration import resolve
+from gpsim.evaluation.statistics import bootstrap_interval
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -31,7 +32,6 @@ from gpsim.corrected import Features
 from gpsim.corrected.command_filter import mean_rates
 from gpsim.environments import policy_actor
 from gpsim.evaluation import episode_returns
-from gpsim.evaluation.statistics import bootstrap_interval
 from gpsim.residuals import Residuals
 from gpsim.simulators import Memory, Plant, SimulatorPlant
 from gpsim.stages import build_residuals, collect, diagnose_loop, fit_gp, train_gp_policy, train_source

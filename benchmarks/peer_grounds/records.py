@@ -662,7 +662,7 @@ force, and reaches 1.11 mm: so the friction probably has a form that the three l
 Nothing was changed after the test was seen.
 
 Black boxes take one sample in ten, so that two readings lie in the window: models of more lags cannot start, and crash
-on the grid. No published figure of this test record stands here: none was found with a source that could be read.
+on the grid. No published figure of this test record stands here: none was looked for.
 
 The networks had one seed and one to two processor minutes, far less than their publications give them: their rows are
 a floor of what they can do. The first cell of gpsim holds the compilation of its kernels, which later ones do not.

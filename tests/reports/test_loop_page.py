@@ -12,7 +12,7 @@ import pytest
 from odd_names import ODD, odd_report
 from pages import Page, check_policy
 
-from gpsim.evaluation import summary as evaluation
+from gpsim.evaluation import returns as evaluation
 from gpsim.reports import loop_page, loop_sheets
 from gpsim.reports.canvas import page_of, resource
 from gpsim.reports.loop_figures import figure_learning_curves, figure_returns
