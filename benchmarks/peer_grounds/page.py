@@ -51,7 +51,8 @@ def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
         "result, and says so.", "",
         "Of the TX40, the robots and the trainings these cells went through the command: the maker's model and figaroh",
         "on the TX40, mujoco.sysid told by hand on so101, all of Limo. The others called the same functions before the",
-        "command held them, and the seconds of CartPole's leave out what its peers share.", "", "![Error against seconds, a dot a peer and ground](../images/peers.svg)",
+        "command held them, and the seconds of CartPole's leave out what its peers share.",
+        "", "![Error against seconds, a dot a peer and ground](../images/peers.svg)",
     ]  # fmt: skip
     for ground in grounds:
         lines += section(ground, [c for c in cells if c["ground"] == ground.name])
