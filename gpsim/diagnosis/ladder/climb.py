@@ -19,7 +19,7 @@ from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_a
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed, told
 from gpsim.diagnosis.ladder.curves import beside, curved, inputs
 from gpsim.diagnosis.ladder.gates import gated, trimmed
-from gpsim.diagnosis.ladder.laws import Law, laws_of
+from gpsim.diagnosis.ladder.laws import Law, kind_of, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
@@ -64,7 +64,8 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
         question = pushed
         search = _usual_machine(question, every)
     step("rung 1", 30, "asking what could stand in for each law")
-    swap(search)
+    if not search.lean:
+        swap(search)
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
     search.drives()
@@ -96,11 +97,17 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
 
 def _usual_machine(question: Question, laws: list[Law]) -> Search:
     """Rung 1."""
+    simulator, sized = question.everything.simulator, None
     search = Search(question.searched, question.held_out, laws)
-    sized = None
-    if closed(question.everything.simulator) is not None:
+    if search.dear:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
+    if kind_of(simulator) == "robot" and not (sized and sized.rubs):
+        laws = [replace(law, of_row=False) for law in laws]
+        search = Search(question.searched, question.held_out, laws)
+        if search.few():
+            return search
+        search = Search(question.searched, question.held_out, laws)
     search.usual(sized)
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     if search.dear:

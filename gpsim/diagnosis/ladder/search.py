@@ -18,6 +18,7 @@ from gpsim.diagnosis.fitting import (
     fit,
     sensor_noise,
     unexplained,
+    whiteness,
 )
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
@@ -36,6 +37,11 @@ CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such fr
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
 CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
 OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
+FEW, FEW_LEAVE, LEFT_BY_ONE = (
+    3,
+    0.003,
+    0.7,
+)  # laws that may be all that a robot's model lacks; of the misfit, that one leaves at most
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -53,7 +59,7 @@ class Search:
         self.tried: list[Account] = []
         self.gauges: set[Key] = set()
         self.least = 0.0
-        self.dear = closed(problem.simulator) is not None
+        self.dear, self.lean = closed(problem.simulator) is not None, False
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
         """Write a decision down."""
@@ -87,6 +93,36 @@ class Search:
         """Other laws, fitted from where they are."""
         return Account(laws, self.shooting.fit(self.shooting.at(hypothesis, starts), rounds))
 
+    # Few laws
+
+    def few(self) -> bool:
+        """One law after another from nothing, each in an exact fit; whether so few leave nothing.
+
+        A model may be right but for one thing, which rows of all joints would make up for between them.
+        """
+        problem, measured = self.shooting.problem, self.account.fit.starts
+        self._under_sensors()
+        self.refit(3)
+        self.base = self.account.fit
+        for _ in range(FEW):
+            # Start states that were fitted without a law that is missing may be far from where they are with it.
+            point = self.shooting.at(self.account.hypothesis, measured)
+            absent = [law for law in self.laws if not (law.stiff or self.account.holds(law))]
+            if not self.add_best(Offers(self.shooting, point).of(absent), PROBED, measured):
+                break
+            if self.left() > LEFT_BY_ONE * self.missing():
+                return False
+            if self.left() <= 0.0 and whiteness(problem, self.account.fit) > self.verdict.chance:
+                break
+        self.lean = self.left() <= FEW_LEAVE * self.missing()
+        return self.lean
+
+    def _under_sensors(self) -> None:
+        """The account as it is under the noise of sensors alone."""
+        told = sensor_noise(self.shooting.problem, self.account.fit.residuals)
+        self.shooting.noise = Noise(np.maximum(told, 1e-300), np.ones(len(told)), self.shooting.base_weights)
+        self.account = Account(self.account.laws, self.shooting.counted(self.account.fit))
+
     # Rung 1
 
     def usual(self, known: Sized | None = None) -> None:
@@ -97,11 +133,7 @@ class Search:
         """
         floats = self.dear and not known
         if floats:
-            told = sensor_noise(self.shooting.problem, self.account.fit.residuals)
-            self.shooting.noise = Noise(
-                np.maximum(told, 1e-300), np.ones(len(told)), self.shooting.base_weights
-            )
-            self.account = Account((), self.shooting.counted(self.account.fit))
+            self._under_sensors()
         self.refit(3)
         self.base = self.account.fit
         if not floats:  # else all of its misfit would pass for correlated noise, under which no fit goes on
@@ -255,8 +287,10 @@ class Search:
             if not self.add_best(self.offers(absent), PROBED):
                 return
 
-    def add_best(self, offers: Sequence[Offer], most: int) -> bool:
+    def add_best(self, offers: Sequence[Offer], most: int, starts: FloatArray | None = None) -> bool:
         """The absent law that pays most of those that promise most, in an exact fit; whether one pays.
+
+        starts: (W, S) start states from which they are fitted, of the account where none are given.
 
         A law is worth what it gains under the noise as it is, or under the noise that it leaves, if that is more: a
         mismatch that is large makes its own noise.
@@ -265,11 +299,12 @@ class Search:
             return False
         found = sorted(offers, key=lambda o: self.price(o.law) - o.gain)[:most]
         best, most_worth, before = None, self.numbers.surely, self.profiled(self.account)
+        starts = self.account.fit.starts if starts is None else starts
         for offer in found:
             added, hypothesis = self._without(self._held(offer.law)).plus(offer.law, offer.values)
-            tried = self.fitted(added, hypothesis, self.account.fit.starts, 3)
+            tried = self.fitted(added, hypothesis, starts, 3)
             gain, price = self.account.fit.cost - tried.fit.cost, self.price(offer.law)
-            if gain > price / 2:
+            if gain > max(price, most_worth if self.dear else 0.0) / 2:
                 tried = Account(added, self.shooting.fit(tried.fit, SETTLE))
                 gain = self.account.fit.cost - tried.fit.cost
             self.tried.append(tried)
@@ -566,7 +601,7 @@ class Search:
         So does what is a crumb of the base's misfit: on clean data every law would stand.
         """
         self.least = self.numbers.crumb * self.missing()
-        while not self.dear:
+        while self.lean or not self.dear:
             less = self.drop_each()
             if not len(self.held_out.problem.windows):
                 return

@@ -25,7 +25,7 @@ def swap(search: Search) -> None:
     Not where every fit is of a whole robot: its regression has compared what may stand in for what.
     """
     done = set[tuple[object, ...]]()
-    for _ in range(0 if search.dear else ROUNDS):
+    for _ in range(ROUNDS if not search.dear or (search.lean and len(search.account.laws) > 1) else 0):
         less = search.drop_each()
         order = sorted(less, key=lambda key: less[key].fit.cost)
         if not any(_replaced(search, key, less[key], done) for key in order):
@@ -40,6 +40,8 @@ def _replaced(search: Search, key: Key, part: Account, done: set[tuple[object, .
     index = next(i for i, law in enumerate(account.laws) if law.key == key)
     law, names = account.laws[index], tuple(sorted(law.key for law in account.laws))
     absent = [o for o in search.laws if not account.holds(o) and (key, o.key, names) not in done]
+    if search.dear:
+        absent = [o for o in absent if not o.stiff]
     missed = search.score(part) - now
     misled = max(HOPELESS, MISLED * missed)
     offered = Offers(search.shooting, account.fit).in_place(absent, law, account.rows[index], part.fit)
