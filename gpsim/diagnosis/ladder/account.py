@@ -156,7 +156,7 @@ def told(account: Account) -> Hypothesis:
     hypothesis = account.hypothesis
     for law in account.laws:
         place = law.candidate.place
-        if law.candidate.family == "stribeck_friction" and law.candidate.variant == RISE and not law.owned:
+        if law.candidate.family == "stribeck_friction" and law.candidate.variant == RISE:
             hypothesis = _with_stribeck(hypothesis, place)
     return hypothesis
 

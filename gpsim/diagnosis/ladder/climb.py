@@ -97,23 +97,23 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
 
 def _usual_machine(question: Question, laws: list[Law]) -> Search:
     """Rung 1."""
-    simulator, sized = question.everything.simulator, None
+    simulator, sized, few = question.everything.simulator, None, None
     search = Search(question.searched, question.held_out, laws)
     if search.dear:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         laws = [replace(law, of_row=False) for law in laws]
-        search = Search(question.searched, question.held_out, laws)
-        if search.few():
-            return search
+        few = Search(question.searched, question.held_out, laws)
+        if few.few():
+            return few
         search = Search(question.searched, question.held_out, laws)
     search.usual(sized)
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     if search.dear:
         search.through_gauges()
     search.eliminate()
-    return search
+    return few if few and few.ahead_of(search) else search
 
 
 def _finer(search: Search) -> None:

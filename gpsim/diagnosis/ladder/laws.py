@@ -158,6 +158,13 @@ class Law:
         return isinstance(effect, ForceEffect) and first.none == 0.0 and not (first.place or first.falls)
 
     @property
+    def spans(self) -> bool:
+        """Whether it is nothing where all of its parameters are, so that their lines span it: a tilt about two axes."""
+        own = self.candidate.declared
+        small = all(p.none == 0.0 and not (p.place or p.falls) and p.step is None for p in own)
+        return len(own) > 1 and small and effect_of(self.candidate.family).site == "parameter"
+
+    @property
     def is_ratio(self) -> bool:
         """Whether it multiplies something that the base has."""
         return len(self.candidate.declared) == 1 and self.candidate.declared[0].none == 1.0
@@ -274,6 +281,10 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
             tuple(p.starts[k] if len(p.starts) == count else p.starts[0] for p in candidate.declared)
             for k in range(count)
         )
+    law = Law(candidate, False, 0.0)
+    if law.spans:
+        count = range(len(candidate.declared))
+        return tuple(tuple(p.starts[0] * (i == k) for i, p in enumerate(candidate.declared)) for k in count)
     out: list[tuple[float, ...]] = [(v,) for v in first.starts]
     for p in candidate.declared[1:]:
         out = [(*row, v) for row in out for v in p.starts]

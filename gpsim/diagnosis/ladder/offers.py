@@ -69,6 +69,9 @@ class Offers:
         for law in laws:
             changes = (here or {}).get(law.key)
             changes = self._changed(law) if changes is None else changes
+            if law.spans:
+                out.append(_spanned(law, lines, changes))
+                continue
             smooth = law.has_slope
             out.append(self._smooth(law, lines, changes) if smooth else self._jumping(law, r, lines, changes))
         return out
@@ -121,6 +124,15 @@ class Offers:
                     promised.append((gain, (times * start[0], *start[1:])))
         gain, values = max(promised, key=lambda p: p[0])
         return Offer(gain, law, values)
+
+
+def _spanned(law: Law, lines: Lines, changes: FloatArray) -> Offer:
+    """A law whose parameters all follow lines, started in one after another."""
+    gain, times, _, _ = lines.heights(-changes, np.zeros((changes.shape[2], changes.shape[2])))
+    values = np.clip(
+        times @ np.array(law.starts), *zip(*((p.low, p.high) for p in law.candidate.declared), strict=True)
+    )
+    return Offer(gain, law, tuple(values.tolist()))
 
 
 RAN_AWAY = 1e6  # standard deviations: a simulation that is no number

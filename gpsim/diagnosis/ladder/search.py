@@ -117,6 +117,15 @@ class Search:
         self.lean = self.left() <= FEW_LEAVE * self.missing()
         return self.lean
 
+    def ahead_of(self, other: Search) -> bool:
+        """Whether few laws explain more for their price than all that is usual does, each under its own noise."""
+        effective = self.shooting.noise.effective
+        saved = bill(other.account.laws, effective, self.numbers.law) - bill(
+            self.account.laws, effective, self.numbers.law
+        )
+        self.lean = saved > self.profiled(other.account)
+        return self.lean
+
     def _under_sensors(self) -> None:
         """The account as it is under the noise of sensors alone."""
         told = sensor_noise(self.shooting.problem, self.account.fit.residuals)
