@@ -283,8 +283,8 @@ def _starts(candidate: Candidate) -> tuple[tuple[float, ...], ...]:
         )
     law = Law(candidate, False, 0.0)
     if law.spans:
-        count = range(len(candidate.declared))
-        return tuple(tuple(p.starts[0] * (i == k) for i, p in enumerate(candidate.declared)) for k in count)
+        axes = range(len(candidate.declared))
+        return tuple(tuple(p.starts[0] * (i == k) for i, p in enumerate(candidate.declared)) for k in axes)
     out: list[tuple[float, ...]] = [(v,) for v in first.starts]
     for p in candidate.declared[1:]:
         out = [(*row, v) for row in out for v in p.starts]

@@ -129,9 +129,8 @@ class Offers:
 def _spanned(law: Law, lines: Lines, changes: FloatArray) -> Offer:
     """A law whose parameters all follow lines, started in one after another."""
     gain, times, _, _ = lines.heights(-changes, np.zeros((changes.shape[2], changes.shape[2])))
-    values = np.clip(
-        times @ np.array(law.starts), *zip(*((p.low, p.high) for p in law.candidate.declared), strict=True)
-    )
+    low, high = np.array([(p.low, p.high) for p in law.candidate.declared]).T
+    values = np.clip(times @ np.array(law.starts), low, high)
     return Offer(gain, law, tuple(values.tolist()))
 
 

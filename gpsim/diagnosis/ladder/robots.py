@@ -206,7 +206,7 @@ class _Log:
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
         self.loads = [[_Row(c, -1, moment) for moment in range(7)] for c in loads]
-        self.kinds = [] if self.servos else [motors, *masses] if motors else masses
+        self.kinds = [motors, *masses] if motors and not self.servos else masses
         if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
             self.kinds, self.loads = [motors] if motors else [], []
         own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]

@@ -25,6 +25,7 @@ from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.diagnosis.ladder.robots import ROWS, Sized
 from gpsim.effects import Scheme, Term, closed
+from gpsim.recordings import evenly
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
 Key = tuple[str, str, str]
@@ -42,6 +43,7 @@ FEW, FEW_LEAVE, LEFT_BY_ONE = (
     0.003,
     0.7,
 )  # laws that may be all that a robot's model lacks; of the misfit, that one leaves at most
+OFFERED = 15  # windows by which few laws are offered
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -104,11 +106,14 @@ class Search:
         self._under_sensors()
         self.refit(3)
         self.base = self.account.fit
+        some = evenly(len(measured), OFFERED)
+        thin = Shooting(problem.on(problem.windows.take(some)))
         for _ in range(FEW):
             # Start states that were fitted without a law that is missing may be far from where they are with it.
-            point = self.shooting.at(self.account.hypothesis, measured)
+            thin.noise = replace(self.shooting.noise, weights=thin.base_weights)
+            point = thin.at(self.account.hypothesis, measured[some])
             absent = [law for law in self.laws if not (law.stiff or self.account.holds(law))]
-            if not self.add_best(Offers(self.shooting, point).of(absent), PROBED, measured):
+            if not self.add_best(Offers(thin, point).of(absent), PROBED, measured):
                 break
             if self.left() > LEFT_BY_ONE * self.missing():
                 return False
@@ -151,7 +156,12 @@ class Search:
             self.laws = [law.believed(known.values, known.deviations) for law in self.laws]
         usual = [law for law in self.laws if law.usual]
         if known:
-            laws = tuple(law for law in usual if law.candidate.identity in known.values or law.of_servo)
+            laws = tuple(
+                law
+                for law in self.laws
+                if (law.candidate.identity in known.values and (law.usual or not law.candidate.variant))
+                or (law.usual and law.of_servo)
+            )
             hypothesis = Hypothesis()
             for law in laws:
                 nothing = [p.none for p in law.candidate.declared]
