@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, friction, gain, measured, named, partial, share, unknown, viscous
+from rich_diagnoses import RICH, ambiguous, friction, gain, measured, named, partial, share, unknown, viscous
 
 from gpsim.channels import Channels
-from gpsim.findings import Explained, NotAsked, Share
+from gpsim.findings import Explained, NotAsked, RankedHypothesis, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
@@ -49,6 +49,37 @@ def test_what_was_not_asked_is_folded_below():
     assert line in text
     assert line not in first_screen(text)
     assert "could not be asked" not in told(named())
+
+
+def test_every_hypothesis_says_why_it_is_not_the_account_and_a_better_one_why_it_was_refused():
+    def tried(behind, *families, refused=None, windows="all"):
+        of = tuple((family, "x") for family in families)
+        return RankedHypothesis(
+            nats_behind=behind, effects=of, scheme="fine", windows=windows, refused=refused
+        )
+
+    found = replace(ambiguous(), ranking=(
+        tried(0.0, "coulomb_friction", "spring"),
+        tried(-348.0, "load_friction", refused="held-out data are no better with load_friction on x"),
+        tried(-3.0, "quadratic_drag"),  # a file of an earlier version
+        tried(0.5, *(e.family for e in ambiguous().alternatives[0].effects)),
+        tried(4.0, "coulomb_friction", "spring", "backlash"),
+        tried(9.0, "backlash"),
+        tried(0.0, "backlash", windows="search"),
+    ))  # fmt: skip
+    found = replace(found, alternatives=(
+        replace(found.alternatives[0], effects=tuple(replace(e, on="x") for e in found.alternatives[0].effects)),
+    ))  # fmt: skip
+    text = told(found)
+    ranked = text.partition("All hypotheses that were fitted")[2].partition("</pre>")[0]
+    _, *rows = ranked.partition("<pre>")[2].splitlines()
+    ends = [
+        "chosen", "refused", "refused", "not ruled out", "costs more", "fits worse", "On the windows", "given up",
+    ]  # fmt: skip
+    for row, word in zip(rows, ends, strict=True):
+        assert word in row or row.startswith("Given up in the search")
+    assert "(held-out data are no better with load_friction on x)" in rows[1]
+    assert "(this file does not say why)" in rows[2]
 
 
 @pytest.mark.parametrize("verdict", RICH)
