@@ -103,7 +103,10 @@ def test_what_was_found_where_and_what_is_left_is_in_the_terminals_account(found
         *(
             (make(), word) for make in RICH.values() for word in (" nats", "e-1", "p =")
         ),  # for statisticians alone
-        (replace(named(), verdict="partial", effects=(friction(), gain(form="approximate"))), "roughly"),
+        (
+            replace(named(), verdict="partial", effects=(friction(), gain(form="approximate"))),
+            "approximately",
+        ),
         (
             replace(unknown(), effects=(friction(),)),
             "friction",
@@ -142,7 +145,7 @@ def test_headline_effects_stand_by_importance_and_slight_ones_apart():
     ("effect", "part", "words"),
     [
         (friction(form="holds"), "law", "yes"),
-        (friction(form="approximate"), "law", "roughly"),
+        (friction(form="approximate"), "law", "approximately"),
         (friction(form="untested"), "law", "not tested"),
         (friction(odds=Odds(0.2, DRAG)), "certainty", "undecided"),
         (friction(odds=Odds(0.2, DRAG)), "instead", "cannot be told apart from quadratic drag on x"),
