@@ -131,7 +131,7 @@ def main() -> None:
         _say_interrupted()
         _end(answers.INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
-        print(f"error: {printable(error)}", file=sys.stderr)
+        print(*map(printable, error.table), f"error: {printable(error)}", sep="\n", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
     except BrokenPipeError:
         _drop_output()

@@ -163,7 +163,8 @@ def decide(log: RawLog) -> Read:
         ready = () if name else import_log.ready_mappings(log.path, first, opener)
         typed = Asking(log.command, shown, log.words, log.tail, named=bool(name))
         columns = list(topics[0].fields) if len(topics) == 1 else [topic.name for topic in topics]
-        raise UsageError(asked(typed, found, columns, ready))
+        line, table = asked(typed, found, columns, ready)
+        raise UsageError(line, table=table)
     raw = import_log.merge_changes(found.raw, changes)
     raw |= {"layout": layout} if layout != "files" else {}
     raw |= {"files": pattern} if pattern != "*" else {}
