@@ -356,6 +356,6 @@ if __name__ == "__main__":
     main()
 '''
 _NODES: Mapping[int, str] = {
-    ros: text.replace("$common", _COMMON.strip("\n") + "\n").replace("$says", _SAYS.strip("\n"))
+    ros: text.replace("$common", _COMMON.strip("\n") + "\n").replace("$says", _SAYS.rstrip("\n"))
     for ros, text in ((1, _ROS_1), (2, _ROS_2))
 }
