@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -15,6 +16,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from rich.console import Console
 
+from gpsim.errors import near
 from gpsim.files import plain
 from gpsim.reports.sheets import printable
 
@@ -130,15 +132,42 @@ def asked() -> bool:
     return now is not None and now.asked
 
 
+FEW = 10  # commands of a group that are named where none is meant
+
+
 @contextmanager
 def refusals() -> Iterator[None]:
-    """Around the reading of the command line: remember what it refused, which Typer prints in a frame."""
+    """Around the reading of the command line: what Typer refuses is one line, not a frame of five."""
     try:
         yield
     except Exception as error:
-        if (now := ANSWER.get()) is not None and hasattr(error, "format_message"):
-            now.refused = " ".join(str(error.format_message()).split())
-        raise
+        if not hasattr(error, "format_message") or type(error).__name__ == "NoArgsIsHelpError":
+            raise
+        line = _refusal(error)
+        if (now := ANSWER.get()) is not None:
+            now.refused = line
+        print(f"error: {line}", file=sys.stderr)
+        raise SystemExit(error.exit_code if hasattr(error, "exit_code") else 2) from None
+
+
+def _refusal(error: Any) -> str:
+    """What is wrong, what was meant, and where one reads on."""
+    said = " ".join(str(error.format_message()).split())
+    said = re.sub(r"[.;]? *(\(?Possible options:|\(?Did you mean).*$", "", said).removesuffix(".")
+    context = getattr(error, "ctx", None)
+    if context is None:
+        return f"{said[:1].lower()}{said[1:]}"
+    where = f"gpsim{context.command_path.removeprefix(context.find_root().info_name or '')}"
+    command = context.command
+    commands = sorted(getattr(command, "commands", {}))
+    meant, more = "", f"{where} -h lists its options"
+    if option := getattr(error, "option_name", None):
+        known = [o[2:] for p in command.get_params(context) for o in p.opts if o.startswith("--")]
+        meant = near(option.lstrip("-"), known).replace("'", "'--", 1)
+    elif found := re.match("No such command '(.*)'$", said):
+        meant = near(found[1], commands)
+        more = f"there are: {', '.join(commands)}" if len(commands) <= FEW else f"{where} -h lists them"
+    return f"{where}: {said[:1].lower()}{said[1:]}{meant}; {more}"
 
 
 def begin(words: Sequence[str]) -> Answer:

@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 
@@ -63,8 +64,9 @@ def _one_line(error: Exception, words: Sequence[str]) -> str:
         re.DOTALL,
     )
     if choices:
-        options = ", ".join(choices.group(3).split())
-        return f"no '{choices.group(1).split('/')[-1]}' among the choices of {choices.group(2)}; there are: {options}"
+        name, group, options = choices.group(1).split("/")[-1], choices.group(2), choices.group(3).split()
+        meant = near(name, options) or _elsewhere(name, group)
+        return f"no '{name}' among the choices of {group}{meant}; there are: {', '.join(options)}"
     word = _failing(error, words)
     if word is not None:
         return _unknown_key(word, words)
@@ -75,6 +77,18 @@ def _one_line(error: Exception, words: Sequence[str]) -> str:
             f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
         )
     return said if culprit is None or culprit in said else f"{culprit}: {said}"
+
+
+def _elsewhere(name: str, group: str) -> str:
+    """What was meant, in parentheses, where another group has a choice that is called like it."""
+    found = {
+        p.name: g.name
+        for g in files("gpsim.conf").iterdir()
+        if g.is_dir() and g.name != group
+        for p in g.iterdir()
+    }
+    meant = difflib.get_close_matches(f"{name}.yaml", found, n=1, cutoff=0.8)
+    return f" (did you mean {found[meant[0]]}={meant[0].removesuffix('.yaml')}?)" if meant else ""
 
 
 def _culprit(words: Sequence[str]) -> str | None:
@@ -108,6 +122,8 @@ def _composed_without(word: str, words: Sequence[str]) -> Any:
 
 def _unknown_key(word: str, words: Sequence[str]) -> str:
     """Name the settings beside the one that does not exist, and the nearest."""
+    from gpsim.diagnosis.settings import GONE, gone  # it loads NumPy, which `--help` does not wait for
+
     found = _KEY.match(word)
     assert found is not None
     key, node = found.group(1), _composed_without(word, words)
@@ -118,8 +134,10 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             return f"no setting '{key}'; {where} is a value"
         if part not in node:
             known = [str(k) for k in node]
-            near = difflib.get_close_matches(part, known, n=1)
-            hint = f" (did you mean {'.'.join([*parts[:depth], near[0]])}?)" if near else ""
+            meant = difflib.get_close_matches(part, known, n=1)
+            if where == "diagnose" and not meant and (old := difflib.get_close_matches(part, GONE, n=1)):
+                return f"no setting '{key}'; {gone(old[0])}"
+            hint = f" (did you mean {'.'.join([*parts[:depth], meant[0]])}?)" if meant else ""
             return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

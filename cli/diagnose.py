@@ -192,7 +192,7 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
     from gpsim.mjcf import notes_of
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
-    from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+    from gpsim.reports.diagnosis_text import RANKED, not_asked_lines, ranking
     from gpsim.reports.statistics_text import trace_lines
     from gpsim.stages.diagnosis_files import read_trace
 
@@ -202,7 +202,7 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
         caution(f"{simulator}, not as its file says: {line}")
     say_all(account_lines(account_of(found, str(folder), simulator)))
     if explain:
-        say("\nEvery hypothesis that was fitted: nats behind the best, integration, explanation.")
+        say(f"\nEvery hypothesis that was fitted: {RANKED}.")
         say_all(ranking(found))
         say(
             "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."

@@ -139,7 +139,7 @@ def policy_command(
     monitor: WithMonitor = False,
     config_dir: ConfigDir = None,
 ) -> None:
-    """A trained policy as ONNX and, for a vehicle with a goal, a short ROS node that plays it, or a plan."""
+    """A trained policy as ONNX and, for a vehicle with a goal, nodes of ROS 1 and ROS 2 that play it, or a plan."""
     from gpsim.stages.export import export_policy
     from gpsim.stages.stage import Request
 

@@ -64,8 +64,8 @@ app = typer.Typer(
         "for example: gpsim fit-gp experiment=cartpole gp.n_train=500 seed=3"
     ),
     epilog=(
-        "Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, "
-        "4 an account that no longer holds (watch), 130 interrupted."
+        "Exit codes: 0 done, 1 a fault of gpsim, 2 bad input, 3 a sound recording of which no diagnosis is possible, "
+        "4 an account that no longer holds (watch), 130 interrupted, 143 asked to end."
     ),
     no_args_is_help=True,
     add_completion=True,
@@ -131,7 +131,7 @@ def main() -> None:
         _say_interrupted()
         _end(answers.INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
-        print(f"error: {printable(error)}", file=sys.stderr)
+        print(*map(printable, error.table), f"error: {printable(error)}", sep="\n", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
     except BrokenPipeError:
         _drop_output()

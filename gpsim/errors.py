@@ -9,9 +9,15 @@ from pathlib import Path
 class UsageError(Exception):
     """Bad input: the message is one line that says what is wrong, where, and what to do.
 
+    table: lines that the command line prints above it, where there is something to choose from.
+
     The command line turns it into `error: <message>` and exit code 2, without a traceback. Names in it are from files:
     line breaks in them become blanks, other control characters `?`.
     """
+
+    def __init__(self, message: object = "", *, table: Iterable[str] = ()) -> None:
+        super().__init__(message)
+        self.table = tuple(table)
 
     def __str__(self) -> str:
         line = " ".join(super().__str__().splitlines())

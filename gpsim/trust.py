@@ -108,8 +108,8 @@ def _check(digest: str, reference: str, what: str, kept: str, option: str = "--s
         named = reference.removesuffix(":")  # a file without a class in it
         raise UsageError(
             f"{named}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
-            "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it yourself, "
-            f"as {option} {named}{why}"
+            "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it where a "
+            f"command takes {option} {named}{why}"
         )
     _allowed.add(digest)
 

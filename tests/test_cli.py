@@ -69,7 +69,7 @@ def test_help_lists_the_stages_in_order(gpsim):
         ),
         (
             ["collect", "experiment=cartpol"],
-            "error: no 'cartpol' among the choices of experiment; there are: cartpole",
+            "error: no 'cartpol' among the choices of experiment (did you mean 'cartpole'?); there are: cartpole",
         ),
         (
             ["train-source", "variant=sauce"],
@@ -159,7 +159,10 @@ def test_help_lists_the_stages_in_order(gpsim):
             ["run", "full-loop", "target=recording", "recording=nowhere"],
             "error: recording=nowhere: no such folder",
         ),
-        (["run", "full-loop", "diagnosis=nowhere"], "error: nowhere: not an artifact (no manifest.json)"),
+        (
+            ["run", "full-loop", "diagnosis=nowhere"],
+            "error: nowhere: not an artifact (no such folder); give a folder that `gpsim diagnose` has made",
+        ),
         (["collect", "collect.source=[]"], "collect.source: name a log, or several as [a.bag, b.bag]"),
         (["collect", "collect.source=3"], "collect.source: expected a list of texts"),
         (["evaluate", "experiment=limo", "deployed=[]"], "deployed: name a log, or several"),

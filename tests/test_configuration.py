@@ -105,10 +105,13 @@ def test_a_setting_that_was_taken_away_is_named_where_it_is_read():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["experiment=cartpol"], "no 'cartpol' among the choices of experiment; there are: cartpole"),
+        (
+            ["experiment=cartpol"],
+            "no 'cartpol' among the choices of experiment \\(did you mean 'cartpole'\\?\\); there are: cartpole",
+        ),
         (
             ["gp=rau"],
-            "no 'rau' among the choices of gp; there are: arrived, chained, chained_limo, double_pendulum, jump, observations, observations_limo, raw, sweep$",
+            "no 'rau' among the choices of gp \\(did you mean 'raw'\\?\\); there are: arrived, chained, chained_limo, double_pendulum, jump, observations, observations_limo, raw, sweep$",
         ),
         (["gp.n_trian=5"], r"no setting 'gp.n_trian' \(did you mean gp.n_train\?\); gp has: n_train, "),
         (["sed=3"], r"no setting 'sed' \(did you mean seed\?\); the top level has: "),

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near_path
 from gpsim.files import (
     FULL,
     MOST_JSON,
@@ -114,10 +114,11 @@ def folder_digests(folder: Path) -> dict[str, str]:
 
 def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     """Open and verify an artifact; a changed, missing or added byte is a UsageError."""
-    artifact = read_manifest(path)
+    artifact = read_manifest(path, stage)
     expected, made_by = artifact.manifest["files"], artifact.stage
     if stage is not None and made_by != stage:
-        raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'")
+        give = f"give a folder that `gpsim {stage}` has made"
+        raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'; {give}")
     actual = folder_digests(path)
     for name in sorted(set(expected) | set(actual)):
         if expected.get(name) != actual.get(name):
@@ -127,14 +128,18 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     return artifact
 
 
-def read_manifest(path: Path) -> Artifact:
-    """An artifact whose manifest is whole, else UsageError; its files are not looked at."""
+def read_manifest(path: Path, stage: str | None = None) -> Artifact:
+    """An artifact whose manifest is whole, else UsageError; its files are not looked at. stage: that is to be given."""
     try:
         manifest = json.loads(regular_bytes(path / MANIFEST, MOST_JSON))
         recorded = manifest.pop("sha256", None)
         whole = recorded == hashlib.sha256(canonical(manifest)).hexdigest()
     except (FileNotFoundError, NotADirectoryError) as error:
-        raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
+        why = f"no {MANIFEST}" if path.exists() else f"no such folder{near_path(path)}"
+        give = (
+            f"give a folder that `gpsim {stage or 'STAGE'}` has made; `gpsim runs list` names those in runs/"
+        )
+        raise UsageError(f"{path}: not an artifact ({why}); {give}") from error
     except OSError as error:
         raise unreadable(path / MANIFEST, error) from error
     except (ValueError, TypeError, AttributeError, RecursionError) as error:

@@ -10,7 +10,7 @@ from inspect import isabstract
 from gpsim.effects import families
 from gpsim.effects.effect import Effect
 from gpsim.effects.measured import ActuatorCurve, ForceCurve, RateCurve, SensorCurve
-from gpsim.errors import UsageError
+from gpsim.errors import UsageError, near
 
 ORDER = (
     "coulomb_friction", "viscous_friction", "quadratic_drag", "stribeck_friction", "spring", "constant_force",
@@ -68,8 +68,9 @@ def has_patch(family: str) -> bool:
 
 
 def effect_of(family: str) -> Effect:
-    """The effect of a family; raises UsageError with the alternatives."""
+    """The effect of a family; raises UsageError with the nearest."""
     found = FAMILIES.get(family) or CURVES.get(family)
     if found is None:
-        raise UsageError(f"unknown effect family '{family}'; there are: {', '.join([*FAMILIES, *CURVES])}")
+        meant = near(family, [*FAMILIES, *CURVES])
+        raise UsageError(f"unknown effect family '{family}'{meant}; `gpsim effects list` names all")
     return found

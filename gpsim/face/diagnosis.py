@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -27,11 +28,15 @@ from gpsim.stages.stage import generator, silent
 from gpsim.trust import consent
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from gpsim.face.found import Found
     from gpsim.reports.diagnosis_figures import Picture
 
 HERE = "DIR"
 """What stands for the folder of a diagnosis that has none yet."""
+FRAME = ("role", "family", "place", "parameter", "unit", "value", "low", "high", "share")
+"""Columns of the table of effects."""
 
 
 def diagnose(
@@ -57,7 +62,7 @@ def diagnose(
             their names, to judge them together: what they share, and what is each one's own (`result.recordings`).
         simulator: as for `load_simulator`; the recording's own `system` by default.
         progress: called as progress(done, 100, note).
-        settings: thresholds, as `{"search": {"beam": 5}}` or a `Settings`: docs/reference/settings.md lists them.
+        settings: thresholds, as `{"windows": {"fewest": 6}}` or a `Settings`: docs/reference/settings.md lists them.
         known: what is known of the simulator: `{"fix": {"mass": 1.2}, "bounds": {"length": [0.4, 0.6]}}`.
         families: of effects to ask for: `{"only": [...], "without": [...], "require": [...], "also": [...]}`, each a
             family or `family on place`; `gpsim.effects.FAMILIES` has them all.
@@ -112,6 +117,10 @@ def _brought(given: Sequence[Any]) -> list[Brought]:
         else:
             out.append(own_effect(one))
     return out
+
+
+def _share(effect: NamedEffect) -> float:
+    return math.nan if effect.importance is None else effect.importance.share
 
 
 def _settings(given: Settings | Mapping[str, Mapping[str, Any]] | None) -> Settings:
@@ -184,6 +193,35 @@ class Diagnosis:
         from gpsim.reports.account import account_of
 
         return account_of(self.result, self._found.place or HERE, self._found.name)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The effects as a table, a row a parameter, the most important effect first.
+
+        Returns:
+            Columns `role` (headline or slight), `family`, `place`, `parameter`, `unit`, `value`, `low`, `high` (its
+            90 % interval, NaN where the data do not determine it) and `share` (of the mismatch, of the whole effect).
+            Of several recordings also `recording`, whose own the value is, empty where they share it.
+
+        Example:
+            >>> import gpsim
+            >>> table = gpsim.Diagnosis.load("found").to_frame()
+            >>> list(table.loc[0, ["role", "family", "place", "parameter", "unit"]])
+            ['headline', 'viscous_friction', 'q', 'damping', 'N s/m']
+        """
+        import pandas as pd
+
+        several = self.result.recordings is not None
+        rows = list[tuple[object, ...]]()
+        for effect in sorted(self.effects, key=lambda e: (e.role != "headline", -_share(e))):
+            own = dict(effect.own or {})
+            shared = {} if effect.parameters in own.values() else {"": effect.parameters}
+            for recording, values in (shared | own).items():
+                for name, size in values.items():
+                    known = (size.value, size.low, size.high, _share(effect))
+                    numbers = [math.nan if number is None else number for number in known]
+                    head = (effect.role, effect.family, effect.place, name, size.unit)
+                    rows.append((*head, *numbers, *((recording,) if several else ())))
+        return pd.DataFrame(rows, columns=[*FRAME, *(("recording",) if several else ())])
 
     @property
     def plots(self) -> tuple[str, ...]:

@@ -78,9 +78,8 @@ class Limits:
 
     def inside(self, states: FloatArray, margin: float) -> BoolArray:
         """(...,) whether states (..., S) are in the box, which is smaller by that share of its width at each side."""
-        finite = np.isfinite(self.reach)
-        edge = 2.0 * margin * np.where(finite, self.reach, 0.0)
-        return np.asarray(((states >= self.box_low + edge) & (states <= self.box_high - edge)).all(axis=-1))
+        low, high = _less(self.box_low, self.box_high, margin)
+        return np.asarray(((states >= low) & (states <= high)).all(axis=-1))
 
     def back(self, states: FloatArray, share: float) -> BoolArray:
         """(...,) whether states (..., S) are within that share of the box's half width of where the machine rests."""
@@ -97,8 +96,20 @@ class Limits:
         return out
 
 
-def limits_of(stated: Mapping[str, Any], simulator: Simulator, visited: Visited) -> Limits:
-    """Limits as stated; what nobody states is as large as it was in the recording. Raises UsageError."""
+def _less(low: FloatArray, high: FloatArray, margin: float) -> tuple[FloatArray, FloatArray]:
+    """A box that is smaller by that share of its width at each side; what has no edge keeps none."""
+    edge = margin * np.where(np.isfinite(high - low), high - low, 0.0)
+    return low + edge, high - edge
+
+
+def limits_of(
+    stated: Mapping[str, Any], simulator: Simulator, visited: Visited, margin: float = 0.0
+) -> Limits:
+    """Limits as stated; what nobody states is as large as it was in the recording. Raises UsageError.
+
+    margin: of the box. A recording may begin at the edge of its own range: where neither box nor rest are stated, the
+    machine rests as near to that as the margin allows.
+    """
     strange = sorted(set(stated) - set(STATED))
     if strange:
         raise UsageError(f"plan.{strange[0]}: no limit of this name; there are: {', '.join(STATED)}")
@@ -114,6 +125,8 @@ def limits_of(stated: Mapping[str, Any], simulator: Simulator, visited: Visited)
     box_low, box_high = _pairs(stated, "box", state, (usual[0], usual[1]))
     speeds = {c.velocity for c in simulator.coordinates}
     guess = np.where(np.isfinite(visited.start), visited.start, 0.0)
+    usual_box = np.array([n not in (stated.get("box") or {}) for n in state.names])
+    guess = np.where(usual_box, np.clip(guess, *_less(box_low, box_high, margin)), guess)
     rest = _numbers(stated, "rest", state, np.where([n in speeds for n in state.names], 0.0, guess))
     named = {n for c in simulator.coordinates for n in (c.name, c.velocity)} | set(stated.get("rest") or {})
     comes_back = np.array([n in named for n in state.names]) & np.isfinite(box_high - box_low)

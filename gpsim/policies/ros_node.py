@@ -1,11 +1,13 @@
-"""A ROS 1 node that drives a vehicle to a goal by an exported policy, under a monitor if wanted, or plays a plan."""
+"""Nodes of ROS 1 and 2 that drive a vehicle to a goal by an exported policy, under a monitor, or play a plan."""
 
 from __future__ import annotations
 
 import ast
 import inspect
+from collections.abc import Mapping
 from string import Template
 from textwrap import dedent
+from typing import Literal
 
 from gpsim.effects import ActuatorLag, Law
 from gpsim.errors import UsageError
@@ -13,9 +15,15 @@ from gpsim.policies.policy import Policy
 
 
 def ros_node(
-    policy: Policy, rate: float, goal_radius: float, goal: tuple[float, float], max_steps: int, floor: float
+    policy: Policy,
+    rate: float,
+    goal_radius: float,
+    goal: tuple[float, float],
+    max_steps: int,
+    floor: float,
+    ros: Literal[1, 2] = 1,
 ) -> str:
-    """A ROS 1 node (Python) that drives to a goal with policy.onnx beside it, `rate` times a second.
+    """A node (Python) of ROS 1 or 2 that drives to a goal with policy.onnx beside it, `rate` times a second.
 
     goal (x, y) [m], goal_radius [m], max_steps (commands) and floor [m], the edge of the square about the origin that
     it does not leave, are the defaults of its parameters: the policy's task.
@@ -25,7 +33,7 @@ def ros_node(
         raise UsageError(
             "only policies that drive a vehicle to a goal have a ROS node; this one takes no goal in the plane"
         )
-    return Template(_NODE).substitute(
+    return Template(_NODES[ros]).substitute(
         rate=f"{rate:g}",
         goal_radius=f"{goal_radius:g}",
         goal_x=f"{goal[0]:g}",
@@ -46,32 +54,7 @@ def _source(law: Law, name: str) -> str:
     return ast.unparse(function)
 
 
-_NODE = '''#!/usr/bin/env python3
-"""Drive to a goal with the policy in policy.onnx beside this file, $rate times a second; or play a plan.
-
-    rosrun YOUR_PACKAGE drive_to_goal.py _goal_x:=$goal_x _goal_y:=$goal_y
-    rosrun YOUR_PACKAGE drive_to_goal.py _plan:=/home/me/plan/plan.csv
-
-Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
-~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal or the plan's end, after
-~max_steps commands of the policy, where x or y is beyond ~limit [m], and while no pose is newer than 0.3 s. Record both
-topics to score the trip: gpsim evaluate experiment=limo deployed=BAG.
-
-Where monitor.json lies beside it (gpsim export policy --monitor) it also stops where what is observed is no longer what
-the simulator predicts. A plan goes where the recording never was, and is played without it.
-Needs rospy and numpy, and onnxruntime for the policy.
-"""
-
-import csv
-import json
-import math
-import os
-import sys
-
-import numpy as np
-import rospy
-from geometry_msgs.msg import PoseStamped, Twist
-
+_COMMON = '''
 HERE = os.path.dirname(os.path.abspath(__file__))
 DT = 1.0 / $rate
 
@@ -177,9 +160,10 @@ def rows_of(path):
     return [(float(row["v_cmd"]), float(row["w_cmd"])) for row in rows]
 
 
-class Driver:
-    def __init__(self):
-        plan = rospy.get_param("~plan", "")
+class Trip:
+    """What to command at each pose: of the policy, which a monitor may watch, or of a plan."""
+
+    def __init__(self, plan, goal, radius, max_steps, limit):
         self.rows = rows_of(plan) if plan else None
         if not plan:
             import onnxruntime
@@ -188,10 +172,71 @@ class Driver:
             self.session = onnxruntime.InferenceSession(network, providers=["CPUExecutionProvider"])
         watched = os.path.join(HERE, "monitor.json")
         self.monitor = Monitor(watched) if os.path.exists(watched) and not plan else None
-        self.goal = rospy.get_param("~goal_x", $goal_x), rospy.get_param("~goal_y", $goal_y)
-        self.radius = rospy.get_param("~goal_radius", $goal_radius)
-        self.left = len(self.rows) if plan else rospy.get_param("~max_steps", $max_steps)
-        self.limit = rospy.get_param("~limit", $limit)
+        self.goal, self.radius, self.limit = goal, radius, limit
+        self.left = len(self.rows) if plan else max_steps
+
+    def waits(self):
+        """No pose is new."""
+        if self.monitor is not None:
+            self.monitor.rejoin()
+
+    def command(self, pose):
+        """(speed, turn rate) and no word, or None and why the trip ends; pose: of a message."""
+        x, y, yaw = pose.position.x, pose.position.y, yaw_of(pose.orientation)
+        if not max(abs(x), abs(y)) <= self.limit:
+            return None, "limit passed"
+        if self.rows is None and math.hypot(self.goal[0] - x, self.goal[1] - y) <= self.radius:
+            return None, "goal reached"
+        if self.left == 0:
+            return None, "out of steps" if self.rows is None else "plan played"
+        speed, turn = self.commanded(x, y, yaw)
+        if self.monitor is not None and self.monitor.stops([x, y, yaw], [speed, turn]):
+            return None, "the simulator no longer predicts what the robot does"
+        self.left -= 1
+        return (speed, turn), ""
+
+    def commanded(self, x, y, yaw):
+        if self.rows is not None:
+            return self.rows[-self.left]
+        action = self.session.run(["action"], {"observation": observe(x, y, yaw, *self.goal)})[0][0]
+        return float(action[0]), float(action[1])
+'''
+_SAYS = """
+Where monitor.json lies beside it (gpsim export policy --monitor) it also stops where what is observed is no longer what
+the simulator predicts. A plan goes where the recording never was, and is played without it.
+"""
+_ROS_1 = '''#!/usr/bin/env python3
+"""Drive to a goal with the policy in policy.onnx beside this file, $rate times a second; or play a plan. For ROS 1.
+
+    rosrun YOUR_PACKAGE drive_to_goal.py _goal_x:=$goal_x _goal_y:=$goal_y
+    rosrun YOUR_PACKAGE drive_to_goal.py _plan:=/home/me/plan/plan.csv
+
+Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
+~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal or the plan's end, after
+~max_steps commands of the policy, where x or y is beyond ~limit [m], and while no pose is newer than 0.3 s. Record both
+topics to score the trip: gpsim evaluate experiment=limo deployed=BAG.
+$says
+Needs rospy and numpy, and onnxruntime for the policy.
+"""
+
+import csv
+import json
+import math
+import os
+import sys
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import PoseStamped, Twist
+
+$common
+
+class Driver:
+    def __init__(self):
+        goal = rospy.get_param("~goal_x", $goal_x), rospy.get_param("~goal_y", $goal_y)
+        radius, limit = rospy.get_param("~goal_radius", $goal_radius), rospy.get_param("~limit", $limit)
+        most = rospy.get_param("~max_steps", $max_steps)
+        self.trip = Trip(rospy.get_param("~plan", ""), goal, radius, most, limit)
         self.pose = None
         command = rospy.get_param("~command_topic", "/cmd_vel")
         self.publisher = rospy.Publisher(command, Twist, queue_size=1)
@@ -205,37 +250,17 @@ class Driver:
     def stop(self):
         self.publisher.publish(Twist())
 
-    def end(self, why):
-        self.stop()
-        rospy.signal_shutdown(why)
-
     def step(self, _event):
         if self.pose is None or (rospy.Time.now() - self.pose.header.stamp).to_sec() > 0.3:
             self.stop()
-            if self.monitor is not None:
-                self.monitor.rejoin()
-            return
-        x, y = self.pose.pose.position.x, self.pose.pose.position.y
-        yaw = yaw_of(self.pose.pose.orientation)
-        if not max(abs(x), abs(y)) <= self.limit:
-            return self.end("limit passed")
-        if self.rows is None and math.hypot(self.goal[0] - x, self.goal[1] - y) <= self.radius:
-            return self.end("goal reached")
-        if self.left == 0:
-            return self.end("out of steps" if self.rows is None else "plan played")
-        speed, turn = self.commanded(x, y, yaw)
-        if self.monitor is not None and self.monitor.stops([x, y, yaw], [speed, turn]):
-            return self.end("the simulator no longer predicts what the robot does")
+            return self.trip.waits()
+        sent, why = self.trip.command(self.pose.pose)
+        if sent is None:
+            self.stop()
+            return rospy.signal_shutdown(why)
         command = Twist()
-        command.linear.x, command.angular.z = speed, turn
+        command.linear.x, command.angular.z = sent
         self.publisher.publish(command)
-        self.left -= 1
-
-    def commanded(self, x, y, yaw):
-        if self.rows is not None:
-            return self.rows[-self.left]
-        action = self.session.run(["action"], {"observation": observe(x, y, yaw, *self.goal)})[0][0]
-        return float(action[0]), float(action[1])
 
 
 if __name__ == "__main__":
@@ -244,3 +269,93 @@ if __name__ == "__main__":
     rospy.Timer(rospy.Duration(DT), driver.step)
     rospy.spin()
 '''
+_ROS_2 = '''#!/usr/bin/env python3
+"""Drive to a goal with the policy in policy.onnx beside this file, $rate times a second; or play a plan. For ROS 2.
+
+    python3 drive_to_goal_ros2.py --ros-args -p goal_x:=$goal_x -p goal_y:=$goal_y
+    python3 drive_to_goal_ros2.py --ros-args -p plan:=/home/me/plan/plan.csv
+
+Reads a pose (geometry_msgs/msg/PoseStamped) and writes velocity commands (geometry_msgs/msg/Twist); pose_topic,
+command_topic, goal_x, goal_y [m] and goal_radius [m] are parameters. It stops at the goal or the plan's end, after
+max_steps commands of the policy, where x or y is beyond limit [m], and while no pose is newer than 0.3 s. Record both
+topics to score the trip: gpsim evaluate experiment=limo deployed=BAG.
+$says
+Needs rclpy (Humble or newer) and numpy, and onnxruntime for the policy.
+"""
+
+import csv
+import json
+import math
+import os
+import signal
+import sys
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseStamped, Twist
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from rclpy.time import Time
+
+$common
+
+class Driver(Node):
+    def __init__(self):
+        super().__init__("drive_to_goal")
+        goal = self.given("goal_x", $goal_x), self.given("goal_y", $goal_y)
+        radius, limit = self.given("goal_radius", $goal_radius), self.given("limit", $limit)
+        self.trip = Trip(self.given("plan", ""), goal, radius, self.given("max_steps", $max_steps), limit)
+        self.pose = None
+        self.publisher = self.create_publisher(Twist, self.given("command_topic", "/cmd_vel"), 1)
+        topic = self.given("pose_topic", "/vrpn_mocap/limo/pose")
+        self.create_subscription(PoseStamped, topic, self.remember, qos_profile_sensor_data)
+        self.create_timer(DT, self.step)
+
+    def given(self, name, usual):
+        # A number is one with and without its decimal point.
+        return self.declare_parameter(name, usual, ParameterDescriptor(dynamic_typing=True)).value
+
+    def remember(self, message):
+        self.pose = message
+
+    def stop(self):
+        self.publisher.publish(Twist())
+
+    def step(self):
+        late = None if self.pose is None else self.get_clock().now() - Time.from_msg(self.pose.header.stamp)
+        if late is None or late.nanoseconds > 0.3e9:
+            self.stop()
+            return self.trip.waits()
+        sent, why = self.trip.command(self.pose.pose)
+        if sent is None:
+            self.stop()
+            self.get_logger().info(why)
+            raise SystemExit(0)
+        command = Twist()
+        command.linear.x, command.angular.z = map(float, sent)
+        self.publisher.publish(command)
+
+
+def main():
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # whatever ends it, the last command is to stop
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    driver = Driver()
+    try:
+        rclpy.spin(driver)
+    except (KeyboardInterrupt, SystemExit):
+        pass
+    finally:
+        driver.stop()
+        driver.destroy_node()
+        rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()
+'''
+_NODES: Mapping[int, str] = {
+    ros: text.replace("$common", _COMMON.strip("\n") + "\n").replace("$says", _SAYS.rstrip("\n"))
+    for ros, text in ((1, _ROS_1), (2, _ROS_2))
+}

@@ -254,7 +254,7 @@ def recording_of(
     for name in names:  # a column that is nearly called as a channel that is absent would be passed over
         if name not in table and (near := alike(name, others)):
             raise UsageError(
-                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
+                f"{path}: column(s) {name} missing; '{near}' is like it: rename it to {name}, or to a name less like it"
             )
     action = action if set(action.names) & set(table) else Channels(())
     needed = ("t", *held.names, *action.names)

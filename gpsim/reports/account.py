@@ -146,7 +146,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
         differs=tuple(differences(told)),
         left=tuple(_left(told)),
         fit=_fit(told),
-        next=(_next(told, headline),),
+        next=_next(told, headline),
         command=_command(told, folder, simulator),
         command_here=_command(told, HERE, simulator),
         geometry=tuple(geometry_lines(told.kinematics)),
@@ -336,10 +336,18 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
     )
 
 
-def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
-    """The advice that would help most, first what only another recording can decide."""
+def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> tuple[str, ...]:
+    """One decision. What is named is used: a recording that would make its account sharper is optional."""
     if diagnosis.verdict == "none":
-        return "train in the simulator as it is: it needs no correction"
+        return ("train in the simulator as it is: it needs no correction",)
+    further = _further(diagnosis, headline)
+    if diagnosis.verdict == "named" and further:
+        return "use it: no further recording is needed", f"optional: {further}"
+    return (further or "use it: no further recording would change this account",)
+
+
+def _further(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """The recording that would change the account most; empty where none would."""
     held = [effect_name(e) for e in headline if _held(e)]
     named, structured = diagnosis.verdict == "named", diagnosis.remainder.structured
     if diagnosis.tell_apart and diagnosis.alternatives and not named:
@@ -357,7 +365,7 @@ def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     vague = max(headline, key=_vagueness, default=None)
     if vague is not None and _vagueness(vague) > VAGUE:
         return f"record more of what {effect_name(vague)} does: its size is known least well"
-    return "use it: no further recording would change this account"
+    return ""
 
 
 def _where_it_moves(diagnosis: Diagnosis) -> str:

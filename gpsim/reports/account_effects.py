@@ -17,7 +17,7 @@ SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
 """Of a gain by the command's direction, short enough for a table."""
 MANY_JOINTS = 3  # with the same effect, which are told as one group
 LARGE = 0.1  # of the mismatch: what is no claim and yet as much has others in its place
-LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "roughly", "untested": "not tested"}
+LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "approximately", "untested": "not tested"}
 MEASURED = "measured"  # of a curve, which is no law of the catalogue
 TRIFLE = 0.005  # of the mismatch: a slight curve that is less of it is named among the small corrections only
 LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none

@@ -201,7 +201,8 @@ def page_of(template: str, style: str, **content: Any) -> str:
     if "<" in style or "\r" in style:
         raise ValueError("a style sheet that ends its own element, or whose hash a browser would not find")
     policy = Markup('<meta http-equiv="Content-Security-Policy" content="{}">').format(security_policy(style))
-    head = Markup('<meta charset="utf-8">\n{}\n<style>{}</style>').format(policy, Markup(style))
+    narrow = Markup('<meta name="viewport" content="width=device-width, initial-scale=1">')
+    head = Markup('<meta charset="utf-8">\n{}{}\n<style>{}</style>').format(narrow, policy, Markup(style))
     return fragment_of(template, head=head, **content)
 
 

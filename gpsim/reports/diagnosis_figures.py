@@ -31,7 +31,7 @@ NAMES: Mapping[str, str] = {BASE: "base", EFFECTS: "corrected"}
 ROLLOUT, PARTS = "held_out_rollout", "decomposition"
 WIDE = 5.4  # inches of a picture of the first screen
 SHARP = 150.0  # dots an inch: it is shown smaller than it is drawn
-CHANNELS = 2  # of a rollout: those in which the base is furthest off
+CHANNELS = 2  # of a rollout: those that make most of the mismatch
 INSIDE = 0.08  # of the bar: a narrower part has no room for its number
 LABELS = 32  # letters of a part's name
 MOST = 6  # parts with a name of their own; further ones stand together
@@ -289,7 +289,7 @@ def _traces(found: Outcome, traces: Traces) -> Picture:
         f"Measured and simulated: {'the worst and the median' if several else 'the only'} "
         f"{'held-out ' if traces.held_out else ''}{what}",
         f"Rollouts over {traces.horizon:.3g} s, as in the table above: each starts at a measured state.{which} Shown "
-        "are the channels in which the base simulator is furthest off. A line that leaves the picture has gone astray.",
+        "are the channels that make most of the mismatch. A line that leaves the picture has gone astray.",
         png(figure),
         (*(c.name for c in channels), *(f"episode {trace.name}" for trace in traces.traces)),
     )

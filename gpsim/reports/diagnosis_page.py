@@ -15,7 +15,7 @@ from gpsim.reports.account import Account, account_of, recordings_sheet
 from gpsim.reports.account_effects import Row
 from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
 from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
-from gpsim.reports.diagnosis_text import geometry_sheet, inseparable_lines, not_asked_lines, ranking
+from gpsim.reports.diagnosis_text import RANKED, geometry_sheet, inseparable_lines, not_asked_lines, ranking
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.robot_figure import ROBOT
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
@@ -85,6 +85,7 @@ def page(
         statistics=statistics(diagnosis),
         model=model,
         not_asked=not_asked_lines(diagnosis.not_asked),
+        ranked=RANKED,
         ranking="\n".join(ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps({k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}, indent=2),

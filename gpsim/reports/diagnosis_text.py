@@ -6,7 +6,7 @@ And a model's geometry: what is off by how much, what cannot be told apart, and 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 
 from gpsim.diagnosis import Diagnosis
@@ -55,6 +55,7 @@ WHOLE = "parameter_offset"  # a parameter of the simulator itself: its place is 
 MOST_NAMED = 4  # families that are named in a line; of more their number is said
 NOTHING = "nothing missing"
 RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
+RANKED = "nats behind the chosen one (below zero: ahead of it), what came of it, integration, explanation"
 COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
 TRIFLE = 0.01  # of a rate's residual: less is not told
 MOST = 3  # names that are told of a list
@@ -175,19 +176,44 @@ def _left_out(families: Sequence[str]) -> str:
 
 
 def ranking(diagnosis: Diagnosis) -> list[str]:
-    """Every hypothesis that was fitted, the best first; those of the search alone, which had fewer data, at the end."""
-    groups = {title: [e for e in diagnosis.ranking if e.windows == w] for w, title in RANKINGS.items()}
-    return [line for title, group in groups.items() if group for line in (title, *map(_ranked, group))]
+    """Every hypothesis that was fitted and what came of it; those of the search alone, which had fewer data, last."""
+    rivals = [{(e.family, e.place) for e in one.effects} for one in diagnosis.alternatives]
+    lines, ours = list[str](), None
+    for windows, title in RANKINGS.items():
+        group = [e for e in diagnosis.ranking if e.windows == windows]
+        lines += [title] if group else []
+        if windows == "all" and group and not group[0].refused:
+            ours = group[0]  # whatever the nats of the others
+        lines += [_ranked(entry, ours, rivals) for entry in group]
+    return lines
 
 
-def _ranked(entry: RankedHypothesis) -> str:
+def _ranked(
+    entry: RankedHypothesis, ours: RankedHypothesis | None, rivals: Sequence[Set[tuple[str, str]]]
+) -> str:
+    """A row; why it is not the account, which is ours."""
+    claims, why = set(entry.effects), ""
+    if entry is ours:
+        came = "chosen"
+    elif entry.refused or entry.nats_behind < 0.0:
+        came, why = "refused", entry.refused or "this file does not say why"
+    elif entry.windows == "search":
+        came = "given up"
+    elif claims in rivals:
+        came, why = "not ruled out", "an alternative of the account"
+    elif any(told <= claims for told in (*([set(ours.effects)] if ours else []), *rivals)):
+        came, why = "costs more", "what it adds is not worth its price"
+    else:
+        came = "fits worse"
     gates = entry.gates or ("",) * len(entry.effects)
     terms = [
         f"{family} on {on}" + (f" (for some {gate})" if gate else "")
         for (family, on), gate in zip(entry.effects, gates, strict=True)
     ]
-    why = f"  ({entry.refused})" if entry.refused else ""
-    return f"{entry.nats_behind:10.1f}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}{why}"
+    because = f"  ({why})" if why else ""
+    return (
+        f"  {entry.nats_behind:12.1f}  {came:<13}  {entry.scheme:<14} {' + '.join(terms) or NOTHING}{because}"
+    )
 
 
 def terms_text(effects: Claims) -> str:

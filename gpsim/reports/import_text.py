@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import PurePath
@@ -18,6 +18,7 @@ from gpsim.simulators import SIMULATORS
 
 OPEN = "COLUMN"  # what stands in a proposed command where only a person knows
 OF_THE_LOG = ("t", "dt", "files")  # what is said of a log whatever it is compared with
+OWN = ("FILE.py:ClassName", "your own")
 MOST = 12  # candidates that a line lists
 LISTED = 40  # episodes listed one by one; longer recordings are summed up
 MOST_FIELDS = 16  # of a topic that are listed
@@ -58,7 +59,10 @@ def _example(found: Guess) -> str:
     rad = [n for n, unit in found.system.state.units.items() if unit == "rad" and n in found.taken]
     if rad:
         return shlex.quote(f"{rad[0]}=deg*{found.taken[rad[0]].rpartition('*')[2]}")
-    name = next((n for n in (*found.system.action.names, *found.system.state.names) if n in found.taken), "x")
+    name = next(
+        (n for n in (*found.system.action.names, *found.system.state.names) if n in found.taken), None
+    )
+    name = name or next(iter(found.missing), "x")
     return shlex.quote(f"{name}=0.5*{found.taken.get(name, OPEN).rpartition('*')[2]}")
 
 
@@ -76,28 +80,35 @@ class Asking:
     named: bool = False
 
 
-def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[str]) -> str:
-    """One line with the command that would do, and what only a person can tell.
+def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[str]) -> tuple[str, list[str]]:
+    """One line with the command that would do, and a table of what only a person can tell, which stands above it.
 
     columns: of the log, and its topics; ready: mappings that come with gpsim and fit.
     """
     unknown = not typed.named and any(name in found.missing for name in found.system.state.names)
     name = PurePath(shlex.split(typed.path)[0]).name
     looks = "" if typed.named or unknown else f" that looks like one of {found.system.name}"
-    line = f"{name}: a raw log{looks}; say what is what: {_proposed(typed, found, unknown)}"
+    line = (
+        f"{name}: a raw log{looks}; say what is what: {_proposed(typed, found, unknown)}; or edit a mapping: "
+    )
+    line += f"gpsim import --inspect {typed.path} --write-mapping mapping.yaml"
+    others = ", ".join(n for n in SIMULATORS if n != found.system.name)
     if unknown:
         made = [SIMULATORS[name]() for name in SIMULATORS]
-        each = ", ".join(f"{s.name} ({', '.join([*s.state.names, *s.action.names])})" for s in made)
-        line += f"; columns: {listed(columns)}; NAME and its channels: {each}, or your own: FILE.py:ClassName"
+        each = [(s.name, ", ".join([*s.state.names, *s.action.names])) for s in made]
+        table = [f"columns: {listed(columns)}", *_aligned([("NAME", "its channels"), *each, OWN])]
     else:
-        units = ", ".join(f"{name} in {unit}" for name, unit in _units(found).items() if unit)
-        line += f"{_questions(found)} ({units}; a factor may stand before a source: {_example(found)}"
-        others = ", ".join(n for n in SIMULATORS if n != found.system.name)
-        line += ")" if typed.named else f"; other simulators: {others}, your own: FILE.py:ClassName)"
-        line += "".join(f"; {said}" for said in _switched(found))
-    line += f"; if it is the public set {ready[0]}: --mapping {ready[0]} instead" if ready else ""
-    inspect = f"; gpsim import --inspect {typed.path} shows what is inside, and proposes a --mapping to edit"
-    return line + (inspect if typed.tail else "")
+        table = _aligned([("channel", "unit", "from"), *_questions(found)])
+        table.append(f"a factor may stand before a source: {_example(found)}")
+        table += [] if typed.named else [f"other simulators: {others}, {': '.join(reversed(OWN))}"]
+        table += _switched(found)
+    return line, [*table, *(f"if it is the public set {one}: --mapping {one} instead" for one in ready[:1])]
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Cells below each other, a line a row."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{c:<{w}}" for c, w in zip(cells, widths, strict=True)).rstrip() for cells in rows]
 
 
 def _proposed(typed: Asking, found: Guess, unknown: bool) -> str:
@@ -112,24 +123,19 @@ def _proposed(typed: Asking, found: Guess, unknown: bool) -> str:
     return " ".join([*parts, *([typed.tail] if typed.tail else [])])
 
 
-def _questions(found: Guess) -> str:
-    """What only a person can tell, with the candidates: channels that have the same ones together."""
-
-    def candidates(names: Sequence[str]) -> str:
-        return listed(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
-
-    line = ""
-    alike: dict[tuple[str, ...], list[str]] = {}
-    for name, names in found.missing.items():
-        alike.setdefault(tuple(names), []).append(name)
-    for several, channels in alike.items():
-        line += f"; {', '.join(channels)}: of {candidates(several)}"
-    for name, names in found.unclear.items():
-        others = [other for other in names if other != found.taken.get(name)]
-        line += f"; {name} is {found.taken.get(name)}"
-        line += f", or {candidates(others)}" if others else " by its name alone"
-    actions = [name for name in found.system.action.names if name in found.missing]
-    return line + (f"; {actions[0]}=none where there was no command" if actions else "")
+def _questions(found: Guess) -> Iterator[tuple[str, str, str]]:
+    """A row a channel: its unit, and what it is read from, or what it might be."""
+    units, actions = {"t": "s", "dt": "s", **_units(found)}, found.system.action.names
+    for name in dict.fromkeys([*found.taken, *found.missing, *found.unclear]):
+        source, others = found.taken.get(name, ""), found.missing.get(name, found.unclear.get(name, []))
+        more = f" and {len(others) - MOST} more" if len(others) > MOST else ""
+        among = f"{listed([other for other in others if other != source][:MOST])}{more}"
+        if name in found.missing:
+            source = f"? one of {among}" if among else "? no column is like it"
+            source += "; none where there was no command" if name in actions else ""
+        elif name in found.unclear:
+            source += f", or {among}?" if among else " by its name alone?"
+        yield name, units.get(name, ""), source
 
 
 def render(report: ImportReport) -> RenderableType:

@@ -95,7 +95,8 @@ def _said(diagnosis: Diagnosis) -> Iterator[str]:
 
     found, remainder = diagnosis.explained, diagnosis.remainder
     if diagnosis.effects:
-        yield f"Probability of the explanation among all that were fitted: {diagnosis.effects[0].probability:.3g}."
+        chance = f"{diagnosis.effects[0].probability:.3g}"
+        yield f"Probability of the explanation among all that were fitted and not refused: {chance}."
     if found.rollout is not None:
         every = shares({"all": found.rollout, **found.channels})
         yield f"Explained in rollouts, judged on {found.judged_on}: {every}."

@@ -1,9 +1,10 @@
-"""export policy: a trained policy as ONNX, and a ROS node that plays it."""
+"""export policy: a trained policy as ONNX, and nodes of ROS 1 and ROS 2 that play it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -76,11 +77,12 @@ def facts_of(monitor: Monitor) -> dict[str, Any]:
     }
 
 
-NODE, MONITOR = "drive_to_goal.py", "monitor.json"
+NODES: Mapping[Literal[1, 2], str] = {1: "drive_to_goal.py", 2: "drive_to_goal_ros2.py"}
+MONITOR = "monitor.json"
 
 
 def export_policy(path: Path, out: Path, watched: Request | None = None) -> list[str]:
-    """Write policy.onnx, policy.json (its origin) and, for a vehicle with a goal, a ROS node to the new folder `out`.
+    """Write policy.onnx, policy.json (its origin) and, for a vehicle with a goal, ROS nodes to the new folder `out`.
 
     path: an artifact of train-source or train-gp-policy; watched: how the node's monitor is configured. Returns
     sentences about what was written.
@@ -111,14 +113,16 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
             if has_node:
                 task = build(GoalReaching, config["task"], "task")
                 goal = (task.evaluation_goal[0], task.evaluation_goal[1])
-                text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor)
-                node = made / NODE
-                node.write_text(text, encoding="utf-8")
-                node.chmod(0o755)
-                notes.append(f"{NODE}: a ROS 1 node that plays it, or a plan; its first lines say how")
+                for ros, name in NODES.items():
+                    text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
+                    (made / name).write_text(text, encoding="utf-8")
+                    (made / name).chmod(0o755)
+                    notes.append(
+                        f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how"
+                    )
             if monitor is not None:
                 write_json(made / MONITOR, monitor)
-                notes.append(f"{MONITOR}: where it lies beside the node, that stops as deploy.safe does")
+                notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return notes

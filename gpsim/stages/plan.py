@@ -73,7 +73,7 @@ def planned(
     """The plan of a posterior under the settings and limits of a section; raises UsageError."""
     settings = build(PlanSettings, {k: v for k, v in section.items() if k not in STATED}, "plan")
     stated = {k: section[k] for k in STATED if k in section}
-    limits = limits_of(stated, plant.simulator, posterior.visited)
+    limits = limits_of(stated, plant.simulator, posterior.visited, settings.margin)
     with blamed(plant.simulator.name):
         around = None
         if steer is not None:

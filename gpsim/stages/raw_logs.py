@@ -22,12 +22,14 @@ from gpsim.recordings import (
     Inspection,
     NamedLog,
     System,
+    Topic,
     changes_of_words,
     find_logs,
     guess,
     inspect_log,
     is_bag_folder,
     likeliest,
+    one_line,
     open_log,
     parse_mapping,
 )
@@ -105,8 +107,23 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
     paths: list[Path] = []
     found = find_logs([source], "files", "*", import_log.remembering(paths))
     first = NamedLog(found[0].name, opener(paths[0]))
+    _topics(first, paths[0])
     systems = [_system(each) for each in SIMULATORS]
     return inspect_log(first, systems, len(found), import_log.ready_mappings(source, first, opener))
+
+
+def _topics(log: NamedLog, path: Path) -> Sequence[Topic]:
+    """What is inside; raises UsageError where not one number is."""
+    topics = log.log.topics()
+    of, where = (
+        ("rows" if topics[0].type == "table" else "messages") if topics else "messages",
+        one_line(path),
+    )
+    if not any(topic.count or topic.fault for topic in topics):
+        raise UsageError(f"{where}: no {of}: names and nothing below them; record or export it again")
+    if not any(topic.fields or topic.fault for topic in topics):
+        raise UsageError(f"{where}: no column of numbers; give a table with a column for each channel")
+    return topics
 
 
 @dataclass(frozen=True)
@@ -126,7 +143,7 @@ def decide(log: RawLog) -> Read:
     layout, pattern, kinds = _layout(log, changes)
     opener = partial(open_log, salvage=log.salvage)
     first = find_logs([log.path], layout, pattern, opener)[0]
-    topics = first.log.topics()
+    topics = _topics(first, log.path)
 
     def values(topic: str, field: str) -> FloatArray:
         return first.log.series({topic: [field]})[topic].fields[field]
@@ -146,7 +163,8 @@ def decide(log: RawLog) -> Read:
         ready = () if name else import_log.ready_mappings(log.path, first, opener)
         typed = Asking(log.command, shown, log.words, log.tail, named=bool(name))
         columns = list(topics[0].fields) if len(topics) == 1 else [topic.name for topic in topics]
-        raise UsageError(asked(typed, found, columns, ready))
+        line, table = asked(typed, found, columns, ready)
+        raise UsageError(line, table=table)
     raw = import_log.merge_changes(found.raw, changes)
     raw |= {"layout": layout} if layout != "files" else {}
     raw |= {"files": pattern} if pattern != "*" else {}

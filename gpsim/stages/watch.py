@@ -111,11 +111,12 @@ class Watch:
     def __post_init__(self) -> None:
         artifact = read_artifact(self.diagnosis, "diagnose")
         self.name = str(artifact.manifest["config"]["simulator"])
+        corrected = read_corrected(self.diagnosis, simulator=self.simulator)
         posterior = read_left_open(self.diagnosis)
         leader = posterior.explanations[0]
         if not leader.hypothesis.terms:
             raise UsageError(f"{self.diagnosis}: names no effect: there is no account to watch")
-        self.account = Account(read_corrected(self.diagnosis, simulator=self.simulator), posterior)
+        self.account = Account(corrected, posterior)
         self.monitor = Monitor(self.account, self.settings)
         self.seen: dict[str, str] = {}
         self.driven: dict[str, float] = {}

@@ -21,7 +21,7 @@ MOST_CUT = 6000  # windows that are cut, evenly spread
 STRETCHES = 40  # held out, among which the worst and the median are looked for
 MOST_ROLLOUTS = 12  # rollouts of a stretch; a longer one is shown in parts
 MOST_ROLLOUTS_ALONE = 4  # rollouts of a part where that would be the only stretch
-CHANNELS_SHOWN = 3  # that are shown: those in which the base is furthest off
+CHANNELS_SHOWN = 3  # that are shown: those that make most of the mismatch
 
 BASE, EFFECTS = "base", "base + effects"
 
@@ -46,7 +46,10 @@ class Trace:
 
 @dataclass(frozen=True)
 class Traces:
-    """The worst and the median stretch, or the only one. shown: the columns of the state; horizon: s."""
+    """The worst and the median stretch, or the only one.
+
+    shown: the columns of the state, first those that make most of the mismatch; horizon: s.
+    """
 
     shown: tuple[int, ...]
     horizon: float
@@ -89,9 +92,10 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     errors = {kind: _errors(problem, *part, len(stretches)) for kind, part in parts.items()}
     rank = (np.nan_to_num(errors[best] / problem.scale, nan=-1.0) ** 2 * seen).sum(axis=1)
     known = np.flatnonzero(np.isfinite(errors[best]).all(axis=1))
-    off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / problem.scale
-    furthest = np.argsort(-np.where(seen, off, -1.0))[:CHANNELS_SHOWN]
-    shown = tuple(sorted(i for i in furthest if seen[i]))
+    off = ((errors[BASE][known] ** 2).mean(axis=0) - problem.floor**2) / problem.scale**2
+    off = np.where(seen, np.nan_to_num(off, nan=np.inf), -np.inf)  # a base that ran away is furthest off
+    most = np.argsort(-off, kind="stable")[:CHANNELS_SHOWN]
+    shown = tuple(int(i) for i in most if seen[i])
     order = known[np.argsort(rank[known])][::-1]
     places = {f"worst of {len(order)}": 0, f"median of {len(order)}": len(order) // 2}
     if len(order) < 2:

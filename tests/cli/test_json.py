@@ -211,9 +211,9 @@ def test_every_step_of_a_proof(gpsim, monkeypatch, tmp_path):
     [
         ("diagnose nowhere --json", "diagnose", "nowhere: no such recording"),
         ("--json run full-loop gp.restarts=-1", "run full-loop", "gp: restarts must be at least 0"),
-        ("export policy x --json", "export", "Missing option '--out'"),
-        ("fit-gp --json --bogus", "", "No such option: --bogus"),
-        ("nonsense --json", "", "No such command 'nonsense'"),
+        ("export policy x --json", "export", "missing option '--out'"),
+        ("fit-gp --json --bogus", "", "no such option: --bogus"),
+        ("nonsense --json", "", "no such command 'nonsense'"),
     ],
 )
 def test_bad_input_is_an_object_too(words, command, message, gpsim):

@@ -61,7 +61,10 @@ def test_a_table_is_understood_by_its_names_and_asked_about_once(gpsim, stopped,
     _, theta, rate, _ = logged(tmp_path / "log.csv")
     code, _, err = gpsim("diagnose", "log.csv")
     assert code == 2
-    assert err.count("\n") == 1
+    *table, line = err.splitlines()
+    assert len(table) < 8
+    assert len(line) < 240
+    assert "gpsim import --inspect log.csv --write-mapping mapping.yaml" in line
     assert "looks like one of pendulum" in err
     words = proposed(err)
     assert words[:4] == ["diagnose", "log.csv", "--simulator", "pendulum"]
@@ -112,8 +115,8 @@ def test_a_matlab_file_whose_command_nobody_can_guess(gpsim, stopped, tmp_path):
     savemat(tmp_path / "rig.mat", {"t": t, "qm": q, "qg": q + 0.001, "vir": volts})
     code, _, err = gpsim("diagnose", "rig.mat")
     assert code == 2
-    assert "force: of qg, vir" in err
-    assert "force=none where there was no command" in err
+    assert re.search("force +N +[?] one of qg, vir; none where there was no command", err)
+    assert re.search("q +m +qm by its name alone[?]", err)
     words = [word.replace("force=COLUMN", "force=35.15*vir") for word in proposed(err)]
     code, _, err = gpsim(*words, "--cores", "1")
     assert err.splitlines()[-1] == f"error: {REACHED}"
@@ -161,7 +164,7 @@ def test_of_several_poses_one_is_asked_for(gpsim, stopped, tmp_path):
     pd.DataFrame(sent).to_csv(folder / "commands.csv", index=False)
     code, _, err = gpsim("diagnose", "run1")
     assert code == 2
-    assert "pose is mocap, or odom" in err
+    assert re.search("pose +mocap, or odom[?]", err)
     words = [word.replace("pose=mocap", "pose=odom") for word in proposed(err)]
     assert words[3:] == ["ackermann", "pose=odom", "v_cmd=commands:speed", "steering=commands:delta"]
     code, _, err = gpsim(*words, "--cores", "1")
@@ -182,10 +185,9 @@ def test_a_system_of_ones_own_and_a_log_without_a_clock(gpsim, stopped, tmp_path
     table.to_csv(tmp_path / "tank.csv", index=False)
     code, _, err = gpsim("diagnose", "tank.csv")
     assert code == 2
-    assert (
-        "--simulator NAME dt=4 CHANNEL=COLUMN ...; columns: uEst, yEst, Ts; NAME and its channels: cartpole (x,"
-        in err
-    )
+    assert "--simulator NAME dt=4 CHANNEL=COLUMN ...; " in err
+    assert "columns: uEst, yEst, Ts\n" in err
+    assert re.search("cartpole +x, x_dot, theta, theta_dot, force\n", err)
     words = [
         "diagnose",
         "tank.csv",
@@ -235,7 +237,7 @@ def test_a_time_that_may_be_milliseconds_is_asked_for(gpsim, stopped, tmp_path):
     logged(tmp_path / "log.csv", ("time", "theta", "theta_dot", "torque"), pace=1e3)
     code, _, err = gpsim("diagnose", "log.csv", "--simulator", "pendulum")
     assert code == 2
-    assert "t is time, or ms*time" in err
+    assert re.search(r"t +s +time, or ms\*time[?]", err)
     gpsim("diagnose", "log.csv", "--simulator", "pendulum", "t=ms*time", "--cores", "1")
     assert stopped[0][0].dt == pytest.approx(0.01)
 

@@ -83,7 +83,7 @@ def diagnosis(tmp_path, evil, recording):
     plant = EffectsPlant(known, known.defaults(), (), "euler", 1, 0.02)
 
     def write(folder: Path):
-        write_json(folder / "diagnosis.json", made_diagnosis().to_dict())
+        write_json(folder / "diagnosis.json", made_diagnosis(verdict="partial").to_dict())
         write_json(folder / "corrected.json", describe(plant, gp=False) | {"simulator": f"{evil}:Slider"})
         return {}
 
@@ -104,6 +104,8 @@ NEEDING = [
     "export model DIR --out out",
     "export diagnosis DIR --mcap --recording recording --out out",
     "train-gp-policy diagnosis=DIR correction=effects",
+    "plan DIR --out out",
+    "watch recording --diagnosis DIR --once",
 ]
 """Commands that cannot do without the simulator."""
 
@@ -117,6 +119,7 @@ def test_no_command_runs_what_only_data_name(words, recording, diagnosis, ran, t
     assert line.startswith("error:")
     assert f"evil.py {REFUSED}" in line
     assert "--trust" in line
+    assert "naming it where a command takes --simulator" in line
     assert not ran.exists()
     assert not Path("out").exists()
 

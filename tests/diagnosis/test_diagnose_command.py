@@ -50,7 +50,7 @@ def test_it_prints_the_account_its_parts_in_order(diagnosed):
     assert account.startswith(("Verdict  ambiguous: ", "Verdict  named: "))  # a mass as well as a gain
     assert f"gpsim.Diagnosis.load({str(out)!r}).corrected()" in account or "'DIR'" in account
     assert "nats" not in account
-    assert "nats behind the best" in ranked
+    assert "nats behind the chosen one" in ranked
     assert len(account.splitlines()) <= 25
     assert max(map(len, account.splitlines())) <= 100
 
@@ -75,6 +75,7 @@ def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagno
         behind = [entry["nats_behind"] for entry in report["ranking"] if entry["windows"] == windows]
         assert behind == sorted(behind)
     ranked, decided = said.split("Every hypothesis", 1)[1].split("Every decision", 1)
+    assert re.findall("chosen  |refused|given up|not ruled|costs more|fits worse", ranked)[0] == "chosen  "
     assert sum(line.startswith("  ") for line in ranked.splitlines()) == len(report["ranking"])
     trace = [json.loads(line) for line in (out / "trace.jsonl").read_text().splitlines()]
     assert {"rung 1"} <= {decision["step"] for decision in trace}

@@ -86,7 +86,18 @@ def test_no_element_of_the_page_comes_from_a_name(diagnosed):
         "td",
     }
     assert page.tags == known | {"img", "pre", "details", "summary", "div", "span", "b", "figure"}
-    assert page.attributes == {"lang", "charset", "http-equiv", "content", "class", "alt", "src", "title"}
+    assert page.attributes == {
+        "lang",
+        "charset",
+        "http-equiv",
+        "name",
+        "content",
+        "class",
+        "alt",
+        "src",
+        "title",
+        "data-head",
+    }
     assert f"actuator gain on {F}" in page.text
     assert X in page.text
 

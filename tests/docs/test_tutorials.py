@@ -103,6 +103,37 @@ def test_a_tutorial_runs_on_a_smoke_budget(name, tmp_path):
     run(name, tmp_path, small)
 
 
+NOTEBOOK = TUTORIAL / "from_log_to_picture.ipynb"
+
+
+def cells():
+    """The code of the notebook, cell by cell."""
+    return ["".join(c["source"]) for c in read(NOTEBOOK)["cells"] if c["cell_type"] == "code"]
+
+
+def test_the_notebook_is_small_and_keeps_no_outputs():
+    assert NOTEBOOK.stat().st_size < 5000
+    assert read(NOTEBOOK)["nbformat"] == 4
+    code = [c for c in read(NOTEBOOK)["cells"] if c["cell_type"] == "code"]
+    assert all(c["outputs"] == [] and c["execution_count"] is None for c in code)
+    for cell in cells():
+        compile(cell, NOTEBOOK.name, "exec")
+
+
+@pytest.mark.slow
+def test_the_notebook_goes_from_a_log_to_a_picture(monkeypatch):
+    monkeypatch.chdir(TUTORIAL)
+    names = {}
+    for cell in cells():
+        exec(cell, names)
+    assert names["found"].verdict == "named"
+    force = names["table"].query("family == 'coulomb_friction' and parameter == 'force'").iloc[0]
+    assert force.low < 2.5 < force.high
+    assert force.place == "x"
+    assert names["picture"].png.startswith(b"\x89PNG")
+    assert "Coulomb friction on x" in names["found"]._repr_html_()
+
+
 def read(path):
     return json.loads(path.read_text(encoding="utf-8"))
 

@@ -271,7 +271,7 @@ def test_what_a_law_is_a_function_of_is_all_that_moves_it():
         of = effect.force if not effect.dry else lambda x, s, given: effect.grip(x, s, given, None)  # noqa: B023
         moved = of(q + 0.3, v, values) if effect.function_of == "speed" else of(q, v + 0.3, values)
         np.testing.assert_array_equal(of(q, v, values), moved, err_msg=effect.family)
-    with pytest.raises(UsageError, match="coulomb_friction"):
+    with pytest.raises(UsageError, match="gpsim effects list"):
         Term("no_such_effect", "q").effect  # noqa: B018
 
 

@@ -77,8 +77,8 @@ def test_a_curve_does_nothing_at_the_scale_that_says_so():
 def test_the_catalogue_offers_no_curve():
     assert not set(CURVES) & set(FAMILIES)
     assert effect_of("force_curve") is CURVES["force_curve"]
-    with pytest.raises(UsageError, match="force_curve"):
-        effect_of("no_such_thing")
+    with pytest.raises(UsageError, match="did you mean 'force_curve'"):
+        effect_of("force_curv")
 
 
 def test_a_shape_comes_back_from_its_values():

@@ -17,7 +17,7 @@ FEW = ["viscous_friction", "coulomb_friction", "quadratic_drag", "spring", "actu
 DAMPING = 1.0  # N s/m, which no simulator here knows
 
 
-def pushed(count=300, dt=0.02, seed=0):
+def pushed(count=300, dt=0.02, seed=0, damping=DAMPING):
     """A body of 1 kg, damped, pushed by forces that are held for 0.4 s."""
     rng = np.random.default_rng(seed)
     force = np.repeat(rng.uniform(-2, 2, -(-count // 20)), 20)[:count]
@@ -26,7 +26,7 @@ def pushed(count=300, dt=0.02, seed=0):
     for k in range(count):
         rows.append((dt * k, q, q_dot, force[k]))
         for _ in range(10):
-            q_dot += dt / 10 * (force[k] - DAMPING * q_dot)
+            q_dot += dt / 10 * (force[k] - damping * q_dot)
             q += dt / 10 * q_dot
     log = pd.DataFrame(rows, columns=["t", "q", "q_dot", "force"])
     return log.assign(q=log.q + rng.normal(0, 1e-4, count), q_dot=log.q_dot + rng.normal(0, 1e-3, count))

@@ -50,6 +50,35 @@ def test_in_a_notebook_it_is_a_piece_of_html_with_its_pictures(made):
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
+def test_its_effects_are_a_table(made):
+    table = made.diagnosis.to_frame()
+    assert list(table) == ["role", "family", "place", "parameter", "unit", "value", "low", "high", "share"]
+    (row,) = table[table.role == "headline"].itertuples()
+    effect = made.diagnosis.effects[0]
+    assert (row.family, row.place, row.parameter, row.unit) == ("viscous_friction", "q", "damping", "N s/m")
+    assert (row.value, row.low, row.high) == tuple(
+        vars(effect.parameters["damping"])[k] for k in ("value", "low", "high")
+    )
+    assert row.share == effect.importance.share > 0.9
+
+
+def test_of_several_recordings_the_table_says_whose_a_value_is():
+    logs = {"monday": pushed(600), "friday": pushed(600, seed=1, damping=2.0)}
+    recordings = {name: gpsim.recording_from_frame(log, UNITS, "slider") for name, log in logs.items()}
+    several = gpsim.diagnose(recordings, families={"only": ["viscous_friction"]})
+    table = several.to_frame()
+    assert list(table)[-1] == "recording"
+    assert set(table.recording) <= {"", *(one.name for one in several.result.recordings)}
+    assert {"monday", "friday"} & set(table.recording)
+    for effect in several.effects:
+        said = table[(table.family == effect.family) & (table.place == effect.place)]
+        for recording, values in (effect.own or {"": effect.parameters}).items():
+            mine = said[said.recording == recording]
+            assert dict(zip(mine.parameter, mine.value, strict=True)) == {
+                n: e.value for n, e in values.items()
+            }
+
+
 def test_pictures_by_name(made):
     assert "held_out_rollout" in made.diagnosis.plots
     picture = made.diagnosis.plot()

@@ -161,6 +161,10 @@ def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
     assert '"~max_steps", 80)' in node
     assert '"~goal_radius", 0.1)' in node
     assert "_goal_x:=1.25 _goal_y:=0.75" in node
+    second = tmp_path / "deploy_own" / "drive_to_goal_ros2.py"
+    assert "-p goal_x:=1.25 -p goal_y:=0.75" in second.read_text()
+    assert second.stat().st_mode & 0o111
+    compile(second.read_text(), second.name, "exec")
     assert 'rospy.get_param("~limit", 3)' in node
     compile(node, "drive_to_goal.py", "exec")
     node = (tmp_path / "deploy_default" / "drive_to_goal.py").read_text()

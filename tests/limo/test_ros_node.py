@@ -1,8 +1,9 @@
-"""The exported ROS node, run with a rospy that is none: it watches as gpsim does, stops, and plays plans."""
+"""The exported nodes, run with a rospy and an rclpy that are none: they watch as gpsim does, stop, and play plans."""
 
 import json
 import sys
 import types
+from contextlib import suppress
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +21,6 @@ from gpsim.stages.export import facts_of
 
 UNICYCLE = make_simulator("unicycle")
 POLICY = Policy({}, np.ones(2, np.float32), np.array([[0.0, -1.0], [0.5, 1.0]], np.float32))
-NODE = ros_node(POLICY, 10.0, 0.05, (0.5, -0.5), 50, 4.0)
 
 
 def corrected_plant(late=True):
@@ -42,25 +42,86 @@ def monitor_of(plant):
     return Monitor(plant, usual, MonitorSettings(), plant.state, np.random.default_rng(0))
 
 
-@pytest.fixture
-def node(monkeypatch):
-    """The node's names; parameters, what it published and why it ended are attributes of its rospy."""
-    rospy = types.ModuleType("rospy")
-    rospy.parameters, rospy.sent, rospy.ended = {}, [], []
-    rospy.get_param = lambda name, default: rospy.parameters.get(name, default)
-    rospy.Publisher = lambda *a, **k: SimpleNamespace(publish=rospy.sent.append)
-    rospy.Subscriber = rospy.on_shutdown = lambda *a, **k: None
-    rospy.signal_shutdown = rospy.ended.append
-    rospy.Time = SimpleNamespace(now=lambda: 0.0)
-    messages = types.ModuleType("geometry_msgs.msg")
-    messages.PoseStamped = object
-    messages.Twist = lambda: SimpleNamespace(linear=SimpleNamespace(x=0.0), angular=SimpleNamespace(z=0.0))
-    monkeypatch.setitem(sys.modules, "rospy", rospy)
-    monkeypatch.setitem(sys.modules, "geometry_msgs", types.ModuleType("geometry_msgs"))
-    monkeypatch.setitem(sys.modules, "geometry_msgs.msg", messages)
-    names = {"__file__": "/nowhere/drive_to_goal.py", "__name__": "drive_to_goal"}
-    exec(compile(NODE, "drive_to_goal.py", "exec"), names)
-    return names
+def module(monkeypatch, name, **content):
+    """A module that is none."""
+    made = types.ModuleType(name)
+    vars(made).update(content)
+    monkeypatch.setitem(sys.modules, name, made)
+
+
+def twist():
+    return SimpleNamespace(linear=SimpleNamespace(x=0.0), angular=SimpleNamespace(z=0.0))
+
+
+@pytest.fixture(params=[1, 2], ids=["ROS 1", "ROS 2"])
+def ros(request, monkeypatch):
+    """The node's names, the parameters that it is given, what it published, and step(), which says why it ended."""
+    parameters, sent, ended = {}, [], []
+    module(monkeypatch, "geometry_msgs")
+    module(monkeypatch, "geometry_msgs.msg", PoseStamped=object, Twist=twist)
+    publisher = SimpleNamespace(publish=sent.append)
+    if request.param == 1:
+        module(
+            monkeypatch, "rospy", get_param=lambda name, usual: parameters.get(name.removeprefix("~"), usual),
+            Publisher=lambda *a, **k: publisher, Subscriber=lambda *a, **k: None, on_shutdown=lambda stop: None,
+            signal_shutdown=ended.append, Time=SimpleNamespace(now=lambda: 0.0),
+        )  # fmt: skip
+    else:
+
+        class Node:
+            def __init__(self, name):
+                self.name = name
+
+            def declare_parameter(self, name, usual, descriptor):
+                assert descriptor["dynamic_typing"]
+                return SimpleNamespace(value=parameters.get(name, usual))
+
+            def create_publisher(self, kind, topic, depth):
+                return publisher
+
+            def create_subscription(self, kind, topic, heard, qos):
+                assert qos == "best effort"
+
+            def create_timer(self, seconds, step):
+                assert seconds == 0.1
+
+            def get_clock(self):
+                return SimpleNamespace(now=lambda: 0.0)
+
+            def get_logger(self):
+                return SimpleNamespace(info=ended.append)
+
+            def destroy_node(self):
+                sent.append("destroyed")
+
+        def spin(driver):
+            driver.remember(pose(0.0, 0.0, 0.3))
+            while True:
+                driver.step()
+
+        module(
+            monkeypatch, "rclpy", spin=spin, init=lambda **k: None, shutdown=lambda: sent.append("shut down")
+        )
+        module(monkeypatch, "rclpy.node", Node=Node)
+        module(monkeypatch, "rclpy.qos", qos_profile_sensor_data="best effort")
+        module(monkeypatch, "rclpy.signals", SignalHandlerOptions=SimpleNamespace(NO=0))
+        module(monkeypatch, "rclpy.time", Time=SimpleNamespace(from_msg=lambda stamp: stamp))
+        module(monkeypatch, "rcl_interfaces")
+        module(monkeypatch, "rcl_interfaces.msg", ParameterDescriptor=dict)
+    text = ros_node(POLICY, 10.0, 0.05, (0.5, -0.5), 50, 4.0, request.param)
+    names = {"__file__": "/nowhere/node.py", "__name__": "node"}
+    exec(compile(text, "node.py", "exec"), names)
+
+    def step(driver):
+        if request.param == 1:
+            driver.step(None)
+        else:
+            with suppress(SystemExit):
+                driver.step()
+
+    return SimpleNamespace(
+        names=names, driver=names["Driver"], parameters=parameters, sent=sent, ended=ended, step=step
+    )
 
 
 def pose(x, y, yaw, age=0.0):
@@ -80,15 +141,15 @@ class Stamp:
         self.age = age
 
     def __rsub__(self, now):
-        return SimpleNamespace(to_sec=lambda: self.age)
+        return SimpleNamespace(to_sec=lambda: self.age, nanoseconds=1e9 * self.age)
 
 
 @pytest.mark.parametrize("late", [True, False])
-def test_the_node_watches_as_the_monitor_does_and_stops_where_it_does(node, tmp_path, late):
+def test_the_node_watches_as_the_monitor_does_and_stops_where_it_does(ros, tmp_path, late):
     plant, rng = corrected_plant(late), np.random.default_rng(1)
     monitor = monitor_of(plant)
     (tmp_path / "monitor.json").write_text(json.dumps(facts_of(monitor)))
-    own = node["Monitor"](str(tmp_path / "monitor.json"))
+    own = ros.names["Monitor"](str(tmp_path / "monitor.json"))
     commands = np.column_stack([rng.uniform(0.1, 0.5, 60), np.repeat(rng.uniform(-1, 1, 6), 10)])
     state, memory = np.array([[0.1, -0.2, 3.0]]), plant.begin(1, rng)
     slower = SimulatorPlant(UNICYCLE, {}, "euler", 0.1)
@@ -118,41 +179,75 @@ def test_what_a_node_cannot_predict_with_is_one_line():
         facts_of(monitor_of(base))
 
 
-def test_the_node_plays_a_plan_within_its_limit(node, tmp_path):
-    rospy = sys.modules["rospy"]
+PLAN = "t,v_cmd,w_cmd\n0.0,0.1,0.5\n0.1,0.2,-0.5\n0.2,0.3,0\n"
+
+
+def test_the_node_plays_a_plan_within_its_limit(ros, tmp_path):
     path = tmp_path / "plan.csv"
-    path.write_text("t,v_cmd,w_cmd\n0.0,0.1,0.5\n0.1,0.2,-0.5\n0.2,0.3,0\n")
-    rospy.parameters["~plan"] = str(path)
-    driver = node["Driver"]()
+    path.write_text(PLAN)
+    ros.parameters["plan"] = str(path)
+    driver = ros.driver()
     driver.remember(pose(0.0, 0.0, 0.3))
     for _ in range(4):
-        driver.step(None)
-    assert [(m.linear.x, m.angular.z) for m in rospy.sent] == [
-        (0.1, 0.5),
-        (0.2, -0.5),
-        (0.3, 0.0),
-        (0.0, 0.0),
-    ]
-    assert rospy.ended == ["plan played"]
-    driver = node["Driver"]()
+        ros.step(driver)
+    assert [(m.linear.x, m.angular.z) for m in ros.sent] == [(0.1, 0.5), (0.2, -0.5), (0.3, 0.0), (0.0, 0.0)]
+    assert ros.ended == ["plan played"]
+    driver = ros.driver()
     driver.remember(pose(2.5, 0.0, 0.0))
-    driver.step(None)
-    assert rospy.ended[-1] == "limit passed"
-    driver = node["Driver"]()
+    ros.step(driver)
+    assert ros.ended[-1] == "limit passed"
+    driver = ros.driver()
     driver.remember(pose(0.0, 0.0, 0.0, age=1.0))
-    driver.step(None)
-    assert (rospy.sent[-1].linear.x, driver.left) == (0.0, 3)  # it waits
+    ros.step(driver)
+    assert (ros.sent[-1].linear.x, driver.trip.left) == (0.0, 3)  # it waits
     path.write_text("t,v_cmd,w_cmd\n0.0,0.1,0.5\n0.02,0.2,-0.5\n")
     with pytest.raises(ValueError, match="not 0.1 s apart"):
-        node["Driver"]()
+        ros.driver()
 
 
-def test_the_node_refuses_a_plan_that_is_played_around_a_policy(node, tmp_path, capsys):
+def test_the_node_drives_by_its_network_to_the_goal(ros, monkeypatch):
+    """Straight ahead, to the left of it, and there."""
+    seen = []
+
+    class Session:
+        def __init__(self, path, providers):
+            assert path.endswith("policy.onnx")
+
+        def run(self, names, inputs):
+            seen.append(inputs["observation"][0])
+            return [np.array([[0.25, -0.5]], np.float32)]
+
+    module(monkeypatch, "onnxruntime", InferenceSession=Session)
+    ros.parameters |= {"goal_x": 1, "goal_y": 0.0, "goal_radius": 0.2}
+    driver = ros.driver()
+    for x, y, yaw in ((0.0, 0.0, 0.0), (0.0, 0.0, -np.pi / 2), (0.9, 0.0, 0.0)):
+        driver.remember(pose(x, y, yaw))
+        ros.step(driver)
+    np.testing.assert_allclose(seen, [[1.0, 0.0], [0.0, 1.0]], atol=1e-6)
+    assert [(m.linear.x, m.angular.z) for m in ros.sent] == [(0.25, -0.5), (0.25, -0.5), (0.0, 0.0)]
+    assert all(type(m.linear.x) is float for m in ros.sent)  # messages of ROS 2 take nothing else
+    assert ros.ended == ["goal reached"]
+
+
+def test_the_node_of_ros_2_stops_the_robot_and_shuts_down_at_its_end(ros, tmp_path, monkeypatch):
+    if "main" not in ros.names:
+        pytest.skip("ROS 1 ends by itself")
+    path = tmp_path / "plan.csv"
+    path.write_text(PLAN)
+    ros.parameters["plan"] = str(path)
+    monkeypatch.setattr("signal.signal", lambda number, handler: None)
+    ros.names["main"]()
+    *commands, last, destroyed, ended = ros.sent
+    assert len(commands) == 4
+    assert (last.linear.x, destroyed, ended) == (0.0, "destroyed", "shut down")
+
+
+def test_the_node_refuses_a_plan_that_is_played_around_a_policy(ros, tmp_path, capsys):
     path = tmp_path / "plan.csv"
     path.write_text("t,v_cmd_dither,w_cmd_dither\n0.0,0.1,0.5\n0.1,0.2,-0.5\n")
-    sys.modules["rospy"].parameters["~plan"] = str(path)
+    ros.parameters["plan"] = str(path)
     with pytest.raises(SystemExit) as ended:
-        node["Driver"]()
+        ros.driver()
     assert ended.value.code == 2
     said = capsys.readouterr().err
     assert "gpsim collect --plan" in said

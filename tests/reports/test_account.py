@@ -103,7 +103,10 @@ def test_what_was_found_where_and_what_is_left_is_in_the_terminals_account(found
         *(
             (make(), word) for make in RICH.values() for word in (" nats", "e-1", "p =")
         ),  # for statisticians alone
-        (replace(named(), verdict="partial", effects=(friction(), gain(form="approximate"))), "roughly"),
+        (
+            replace(named(), verdict="partial", effects=(friction(), gain(form="approximate"))),
+            "approximately",
+        ),
         (
             replace(unknown(), effects=(friction(),)),
             "friction",
@@ -142,7 +145,7 @@ def test_headline_effects_stand_by_importance_and_slight_ones_apart():
     ("effect", "part", "words"),
     [
         (friction(form="holds"), "law", "yes"),
-        (friction(form="approximate"), "law", "roughly"),
+        (friction(form="approximate"), "law", "approximately"),
         (friction(form="untested"), "law", "not tested"),
         (friction(odds=Odds(0.2, DRAG)), "certainty", "undecided"),
         (friction(odds=Odds(0.2, DRAG)), "instead", "cannot be told apart from quadratic drag on x"),
@@ -189,18 +192,24 @@ def test_what_all_explanations_share_stands_apart_unless_it_is_slight():
     [
         (ambiguous(), TELL),
         (partial(), "record theta_dot over its whole range"),
-        (named(), "measure cart_mass or force gain on its own: motion alone fixes only a combination"),
+        (named(), "optional: measure cart_mass or force gain on its own: motion alone fixes only a combination"),
         (SURE, "use it: no further recording would change this account"),
-        (replace(SURE, effects=(friction(), VAGUE)), "record more of what viscous friction on x does: its size is known"),
-        (replace(SURE, effects=(HELD,)), "record more of what Coulomb friction on x does: its size is at the limit"),
+        (replace(SURE, effects=(friction(), VAGUE)), "optional: record more of what viscous friction on x does: its size is known"),
+        (replace(SURE, effects=(HELD,)), "optional: record more of what Coulomb friction on x does: its size is at the limit"),
         (replace(SURE, remainder=made_remainder(structured=True)), "use it"),
         (replace(SURE, verdict="partial", remainder=made_remainder(structured=True)), "record slow and fast sweeps of every command"),
-        (replace(SURE, effects=(measured(visited=(-0.64, 0.5)),)), "record x_dot beyond [-0.64, 0.5] m/s, "),
+        (replace(SURE, effects=(measured(visited=(-0.64, 0.5)),)), "optional: record x_dot beyond [-0.64, 0.5] m/s, "),
+        (replace(SURE, verdict="ambiguous", effects=(HELD,)), "record more of what Coulomb friction on x does"),
     ],
 )  # fmt: skip
 def test_the_next_recording_is_the_one_that_would_help_most(found, said):
-    (line,) = account_of(found).next
-    assert line.startswith(said)
+    *use, last = account_of(found).next
+    assert last.startswith(said)
+    assert use == (["use it: no further recording is needed"] if last.startswith("optional") else [])
+    text = " ".join(line.strip() for line in account_lines(account_of(found)))
+    assert "optional" not in text or text.index("use it") < text.index("optional") < text.index(
+        "gpsim train-gp-policy"
+    )
 
 
 @pytest.mark.parametrize(

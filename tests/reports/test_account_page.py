@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, friction, gain, measured, named, partial, share, unknown, viscous
+from rich_diagnoses import RICH, ambiguous, friction, gain, measured, named, partial, share, unknown, viscous
 
 from gpsim.channels import Channels
-from gpsim.findings import Explained, NotAsked, Share
+from gpsim.findings import Explained, NotAsked, RankedHypothesis, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
@@ -40,6 +40,14 @@ def first_screen(text):
     return text.partition('<div class="folded">')[0]
 
 
+def test_the_picture_shows_the_two_channels_that_make_most_of_the_mismatch():
+    real = np.column_stack([np.sin(T), np.cos(T), T])
+    said = {BASE: real + 0.3}
+    trace = Trace("17", "median of 9", True, T, real, said, {BASE: np.ones(3)})
+    picture = account_figures(named(), STATE, Traces((3, 0, 1), 1.0, True, (trace,)))["held_out_rollout"]
+    assert picture.shows == ["theta_dot", "x"]
+
+
 def test_what_was_not_asked_is_folded_below():
     held = NotAsked(
         because="constant command", channel="force", value=2.0, unit="N", families=("actuator_gain",)
@@ -49,6 +57,55 @@ def test_what_was_not_asked_is_folded_below():
     assert line in text
     assert line not in first_screen(text)
     assert "could not be asked" not in told(named())
+
+
+def test_every_hypothesis_says_why_it_is_not_the_account_and_a_better_one_why_it_was_refused():
+    def tried(behind, *families, refused=None, windows="all"):
+        of = tuple((family, "x") for family in families)
+        return RankedHypothesis(
+            nats_behind=behind, effects=of, scheme="fine", windows=windows, refused=refused
+        )
+
+    found = replace(ambiguous(), ranking=(
+        tried(0.0, "coulomb_friction", "spring"),
+        tried(-348.0, "load_friction", refused="held-out data are no better with load_friction on x"),
+        tried(-3.0, "quadratic_drag"),  # a file of an earlier version
+        tried(0.5, *(e.family for e in ambiguous().alternatives[0].effects)),
+        tried(4.0, "coulomb_friction", "spring", "backlash"),
+        tried(9.0, "backlash"),
+        tried(0.0, "backlash", windows="search"),
+    ))  # fmt: skip
+    found = replace(found, alternatives=(
+        replace(found.alternatives[0], effects=tuple(replace(e, on="x") for e in found.alternatives[0].effects)),
+    ))  # fmt: skip
+    text = told(found)
+    ranked = text.partition("All hypotheses that were fitted")[2].partition("</pre>")[0]
+    _, *rows = ranked.partition("<pre>")[2].splitlines()
+    ends = [
+        "chosen", "refused", "refused", "not ruled out", "costs more", "fits worse", "On the windows", "given up",
+    ]  # fmt: skip
+    for row, word in zip(rows, ends, strict=True):
+        assert word in row or row.startswith("Given up in the search")
+    assert "(held-out data are no better with load_friction on x)" in rows[1]
+    assert "(this file does not say why)" in rows[2]
+
+
+def test_on_a_narrow_screen_tables_stack_and_each_number_says_what_it_is():
+    """Looked at in a browser, 500 pixels wide: nothing is cut. What makes it so is in the page."""
+    text = told(partial())
+    viewport = ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"})
+    assert viewport in check_policy(text).elements
+    narrow = text.partition("@media (max-width: 40rem)")[2].partition("</style>")[0]
+    for rule in ("td { display: block; }", "th { display: none; }", "content: attr(data-head)", "pre-wrap"):
+        assert rule in narrow
+    tables = re.findall(r"<table.*?</table>", text, re.DOTALL)
+    stacked = [t for t in tables if "<th" in t and t not in first_screen(text)] + [tables[0]]
+    assert len(stacked) > 3
+    for table in stacked:
+        for row in re.findall(r"<tr(?!><th).*?</tr>", table, re.DOTALL):
+            _, *cells = re.findall(r"<td[^>]*>", row)
+            assert cells
+            assert all('data-head="' in cell for cell in cells), row
 
 
 @pytest.mark.parametrize("verdict", RICH)

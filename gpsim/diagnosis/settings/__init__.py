@@ -11,9 +11,10 @@ from gpsim.diagnosis.settings.numbers import (
     WindowSettings,
     described,
 )
-from gpsim.diagnosis.settings.settings import WHERE, Settings, as_mapping, read_settings
+from gpsim.diagnosis.settings.settings import GONE, WHERE, Settings, as_mapping, gone, read_settings
 
 __all__ = [
+    "GONE",
     "NAMES",
     "NOTHING_KNOWN",
     "WHERE",
@@ -28,6 +29,7 @@ __all__ = [
     "WindowSettings",
     "as_mapping",
     "described",
+    "gone",
     "read_known",
     "read_settings",
 ]

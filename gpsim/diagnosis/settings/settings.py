@@ -68,15 +68,22 @@ class Settings:
     closed_step: ClosedStepSettings = field(default_factory=ClosedStepSettings)
 
 
+def gone(name: str) -> str:
+    """That a step went with the old search, and what decides now; empty of all others."""
+    return (
+        f"{WHERE}.{name}: went with the old search; what decides now is in {WHERE}.laws, .curves and .verdict "
+        "(docs/reference/settings.md)"
+        if name in GONE
+        else ""
+    )
+
+
 def read_settings(values: Mapping[str, Any]) -> Settings:
     """Settings from a mapping step -> setting -> value; raises UsageError that names the key and the nearest one."""
     steps: dict[str, Any] = {f.name: f.default_factory for f in dataclasses.fields(Settings)}
     for name, content in values.items():
-        if name in GONE:
-            raise UsageError(
-                f"{WHERE}.{name}: went with the old search; what decides now is in {WHERE}.laws, .curves and .verdict "
-                "(docs/reference/settings.md)"
-            )
+        if told := gone(name):
+            raise UsageError(told)
         if name not in steps:
             raise UsageError(
                 f"{WHERE}: no step '{name}'{near(str(name), steps)}; there are: {', '.join(steps)}"

@@ -13,6 +13,7 @@ from gpsim.simulators import Simulator
 
 FAMILIES_AT = "diagnose.families"
 BOUNDS_AT = "diagnose.known.bounds"
+MOST_NAMED = 12  # of what there is, where none is meant
 
 
 def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -107,6 +108,7 @@ def check_bounds(known: Known, offers: Sequence[Candidate]) -> None:
 def _check(name: str, there: Collection[str], where: str, kind: str) -> None:
     if name in there:
         return
-    raise UsageError(
-        f"{where}: no {kind} '{name}'{near(name, there)}; there are: {', '.join(there) or 'none'}"
-    )
+    names = list(there)
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    told = f"{', '.join(names[:MOST_NAMED]) or 'none'}{more}"
+    raise UsageError(f"{where}: no {kind} '{name}'{near(name, there)}; there are: {told}")
