@@ -8,6 +8,7 @@ import pytest
 from mjcf_models import DOUBLE, written
 
 from gpsim.channels import Channel, Channels
+from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.mjcf import in_its_columns, load_mjcf
@@ -24,7 +25,7 @@ SERVOS = SERVOS.replace(
 RUBBING = SERVOS.replace('damping="0.02"', 'damping="0.02" frictionloss="0.2"')
 """The same with dry friction of its own, which is not what is missing."""
 SIZES = {DOUBLE: (1.2, 0.4), UNDRIVEN: (1.2,), SERVOS: (0.8, 0.8), RUBBING: (0.8, 0.8)}
-LAST = "</body></body></worldbody>"
+LAST, REST = "</body></body></worldbody>", 0.3
 VISCOUS, DRY, ROTOR, PUSH = (0.1, 0.05), (0.12, 0.06), (0.03, 0.012), (0.15, -0.08)
 """What is missing at both joints."""
 
@@ -41,7 +42,7 @@ def commands(rng, count, size):
     return made / made.std(axis=0) * size
 
 
-def truth(text, viscous, dry, rotor, mass, stiffer):
+def truth(text, viscous, dry, rotor, mass, stiffer, spring=0.0):
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep /= FINER
     model.dof_damping[:] += viscous
@@ -52,6 +53,7 @@ def truth(text, viscous, dry, rotor, mass, stiffer):
         (0.9999, 0.9999, 0.001, 0.5, 2.0),
     )
     model.body_mass[-1] *= mass
+    model.jnt_stiffness[-1], model.qpos_spring[-1] = spring, REST
     model.actuator_gainprm[:, 0] *= stiffer
     model.actuator_biasprm[:, 1] *= stiffer
     mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -90,13 +92,17 @@ def question_of(
     stiffer=1.0,
     samples=500,
     load="",
+    spring=0.0,
+    misread=0.0,
 ):
     """The question of a model as in `text`, of a robot that differs from it."""
     rng, model = (
         np.random.default_rng(7),
-        truth(text.replace(LAST, load + LAST), viscous, dry, rotor, mass, stiffer),
+        truth(text.replace(LAST, load + LAST), viscous, dry, rotor, mass, stiffer, spring),
     )
     episodes = [episode(str(e), model, rng, samples, SIZES[text], push, gain, late) for e in range(3)]
+    for e in episodes:
+        e.states[:, -1] += misread
     simulator = load_mjcf(written(folder, text))
     names = [c.name for c in simulator.coordinates]
     state = Channels(tuple(Channel(name, "rad") for name in names))
@@ -246,3 +252,28 @@ def test_nothing_is_said_of_too_few_samples(complete):
     )
     recording = replace(complete.recording, episodes=episodes)
     assert by_inverse_dynamics(complete.everything, recording, offers_of(complete)) is None
+
+
+@pytest.mark.parametrize(
+    ("missing", "named", "size"),
+    [
+        ({"spring": 0.8}, {("spring", "elbow")}, {"stiffness": 0.8, "rest_position": REST}),
+        pytest.param(
+            {"misread": 0.06},
+            {("joint_offset", "elbow"), ("sensor_bias", "elbow")},
+            {"offset": 0.06},
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=["spring", "misread"],
+)
+def test_one_thing_that_is_unusual_is_told_alone_and_by_its_name(tmp_path, missing, named, size):
+    """All rows of both joints could make up for it between them: 20 numbers in the place of one."""
+    question = question_of(tmp_path, **missing)
+    simulator = question.everything.simulator
+    found = diagnose(question.recording, simulator, simulator.defaults(), np.random.default_rng(0)).diagnosis
+    (effect,) = found.effects
+    assert found.verdict == "named"
+    assert (effect.family, effect.place) in named
+    for name, value in size.items():
+        assert effect.parameters[name].value == pytest.approx(value, rel=0.05)
