@@ -33,7 +33,11 @@ class NoDiagnosis(UsageError):  # noqa: N818  # what happened is no error of the
 
 def near(name: str, known: Iterable[str]) -> str:
     """What was meant, in parentheses behind a name that is not among those known; empty where none is like it."""
-    found = difflib.get_close_matches(name, list(known), n=1)
+    names = list(known)
+    heads = {k[: len(name)]: k for k in names}  # also of a name that was but begun
+    found = difflib.get_close_matches(name, names, n=1) or [
+        heads[head] for head in difflib.get_close_matches(name, heads, n=1, cutoff=0.8)
+    ]
     return f" (did you mean '{found[0]}'?)" if found else ""
 
 
