@@ -11,6 +11,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from matplotlib.lines import Line2D
 
 from peer_grounds.contract import Ground, Peer
 
@@ -27,6 +28,7 @@ T95 = {
 }  # of Student's t, by the number of seeds
 COLOURS = {"gpsim": "#0b6e4f", "parameters": "#c8553d", "black box": "#4a6fa5"}
 MOST_NAMES = 6
+COLUMNS = 2  # of the figure
 
 
 def write_page(root: Path, grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[Path]:
@@ -146,31 +148,58 @@ def plain(text: str) -> str:
 
 
 def draw(path: Path, grounds: Sequence[Ground], cells: Sequence[Cell]) -> None:
-    """Error of the headline over the best peer's, against processor seconds; a dot a peer and ground."""
+    """Score of the headline against processor seconds; a dot a peer and ground, their names beside the panel."""
     shown = [g for g in grounds if dots(g, cells)]
-    columns = max(min(3, len(shown)), 1)
-    rows = max(-(-len(shown) // columns), 1)
-    with plt.rc_context({"svg.hashsalt": "peers", "font.size": 8}):
-        figure, axes = plt.subplots(rows, columns, figsize=(3.4 * columns, 2.7 * rows), squeeze=False)
+    rows = max(-(-len(shown) // COLUMNS), 1)
+    with plt.rc_context(
+        {"svg.hashsalt": "peers", "font.size": 8, "axes.spines.right": False, "axes.spines.top": False}
+    ):
+        size = (4.6 * COLUMNS, 2.4 * rows + 0.3)
+        figure, axes = plt.subplots(rows, COLUMNS, figsize=size, squeeze=False, layout="constrained")
         for axis in axes.flat[len(shown) :]:
             axis.axis("off")
         for axis, ground in zip(axes.flat, shown, strict=False):
-            unit = ""
-            for peer, spent, value, of in dots(ground, cells):
-                unit = of
-                axis.plot(spent, value, "o", color=COLOURS[peer.kind])
-                axis.annotate(
-                    peer.title, (spent, value), xytext=(4, 3), textcoords="offset points", fontsize=6
-                )
-            axis.set(
-                xscale="log", title=ground.title, xlabel="processor s", ylabel=f"{ground.headline} [{unit}]"
-            )
-            if not ground.more_is_better:
-                axis.set_yscale("log")
-            axis.margins(x=0.35, y=0.15)
-        figure.tight_layout()
+            panel(axis, ground, dots(ground, cells))
+        kinds = [Line2D([], [], marker="o", linestyle="", color=c, label=kind) for kind, c in COLOURS.items()]
+        figure.legend(handles=kinds, loc="outside upper left", ncols=len(kinds), frameon=False)
         figure.savefig(path, metadata={"Date": None})
         plt.close(figure)
+
+
+def panel(axis: Any, ground: Ground, found: Sequence[tuple[Peer, float, float, str]]) -> None:
+    """The dots of a ground; names to the right in the order of their heights, each with a line to its dot."""
+    for peer, spent, value, _ in found:
+        axis.plot(spent, value, "o", color=COLOURS[peer.kind])
+    unit = f" [{found[0][3]}]" if found[0][3] else ""
+    better = "more is better" if ground.more_is_better else "less is better"
+    axis.set(xscale="log", xlabel="processor s", ylabel=f"{ground.headline}{unit}\n{better}")
+    axis.set_title(ground.title[0].upper() + ground.title[1:], loc="left")
+    spends, values = [spent for _, spent, _, _ in found], [value for _, _, value, _ in found]
+    edges = [
+        (10 ** math.floor(math.log10(min(v) * 0.7)), 10 ** math.ceil(math.log10(max(v) * 1.4)))
+        for v in (spends, values)
+    ]
+    axis.set_xlim(*edges[0])
+    if ground.more_is_better:
+        axis.margins(y=0.15)
+    else:
+        axis.set(yscale="log", ylim=edges[1])
+    axis.minorticks_off()
+    names = sorted(found, key=lambda one: one[2])
+    for i, (peer, spent, value, _) in enumerate(names):
+        at = (1.04, 0.5 + (i - (len(names) - 1) / 2) * min(0.125, 0.9 / max(len(names) - 1, 1)))
+        line = {
+            "arrowstyle": "-",
+            "color": "#c0c4ca",
+            "linewidth": 0.6,
+            "shrinkA": 1,
+            "shrinkB": 3,
+            "relpos": (0, 0.5),
+        }
+        axis.annotate(
+            peer.title.removesuffix(" what is missing"), (spent, value), at, textcoords="axes fraction",
+            va="center", fontsize=7, color=COLOURS[peer.kind], arrowprops=line,
+        )  # fmt: skip
 
 
 def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float, str]]:

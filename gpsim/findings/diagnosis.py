@@ -245,13 +245,14 @@ class NoGp:
 
     What is left has no structure; or fitting it, or writing it down, failed; or, on training data that it had not seen,
     the process makes the error in `channel` (a rate one step ahead, or a measured channel after a `rollout`) so many
-    `times` as large; or it explains nothing.
+    `times` as large; or it explains nothing. Or it `strays`: it does so along free runs of so many `seconds`.
     """
 
-    reason: Literal["no structure", "harms", "explains nothing", "not fitted", "not written"]
+    reason: Literal["no structure", "harms", "strays", "explains nothing", "not fitted", "not written"]
     channel: str = ""
     rollout: bool = False
     times: float = 1.0
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)

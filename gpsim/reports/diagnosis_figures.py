@@ -23,7 +23,7 @@ from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.canvas import FAINT, GRID, LABEL, beside, legend_above, named, panels, png, style
 from gpsim.reports.diagnosis_text import noun
 from gpsim.reports.quantities import in_percent, number, percent, shortened
-from gpsim.traces import BASE, EFFECTS, Course, Trace, Traces
+from gpsim.traces import BASE, COHERENT, EFFECTS, MEASURED, Course, Response, Trace, Traces
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
 LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}
@@ -91,6 +91,7 @@ def figures(
     traces: Traces | None,
     course: Course | None,
     contained: Contained = lambda name: nullcontext(),
+    response: Response | None = None,
 ) -> dict[str, Picture]:
     """Name -> picture; what is drawn comes computed, None is not drawn. contained: as in `account_figures`."""
     made: dict[str, Callable[[], Picture]] = {}
@@ -100,6 +101,8 @@ def figures(
         made["residual_time"] = lambda: _over_time(found, course)
     if traces is not None and traces.traces:
         made["traces"] = lambda: _traces(found, traces)
+    if response is not None:
+        made["frequency_response"] = lambda: _frequency(found, response)
     return _drawn(made, contained)
 
 
@@ -292,6 +295,36 @@ def _traces(found: Outcome, traces: Traces) -> Picture:
         "are the channels that make most of the mismatch. A line that leaves the picture has gone astray.",
         png(figure),
         (*(c.name for c in channels), *(f"episode {trace.name}" for trace in traces.traces)),
+    )
+
+
+def _frequency(found: Outcome, response: Response) -> Picture:
+    """Magnitude where what was measured is coherent, and the coherence beneath."""
+    simulator = found.question.everything.simulator
+    command, channel = simulator.action.items[response.command], simulator.state.items[response.channel]
+    figure, axes = panels(2, 1, (WIDE, 4.2), sharex="col", height_ratios=(2, 1))
+    for model, magnitude in response.magnitudes.items():
+        look: dict[str, Any] = {"color": COLOURS.get(model, FAINT), "linestyle": LINES.get(model, "none")}
+        look |= {"marker": ".", "markersize": 5} if model == MEASURED else {"linewidth": 1.6}
+        shown = np.where(response.shown, magnitude, np.nan)
+        axes[0, 0].loglog(response.f, shown, label=model or "measured", **look)
+        axes[1, 0].semilogx(response.f, response.coherences[model], **look | {"markersize": 3})
+    axes[1, 0].axhline(COHERENT, color=FAINT, linewidth=0.8)
+    axes[1, 0].set(ylim=(0.0, 1.05), ylabel="coherence", xlabel="frequency [Hz]")
+    units = [shortened(each.unit, canvas.LONGEST_UNIT) or "1" for each in (channel, command)]
+    names = [shortened(each.name, LABEL) for each in (channel, command)]
+    axes[0, 0].set_ylabel(f"{' by '.join(names)}\n[{' per '.join(units)}]")
+    legend_above(figure, axes[0, 0])
+    astray = [name for name in COLOURS if name not in response.magnitudes and EFFECTS in response.coherences]
+    ran = f" {astray[0]} ran away and is not shown." if astray else ""
+    return Picture(
+        f"How {names[0]} answers {names[1]}, by frequency",
+        f"Welch averages of {response.segments} half overlapping segments of {response.seconds:.3g} s of the whole "
+        "recording; simulations run freely in each from its measured state. Shown where at least half of the measured "
+        f"power follows the command (coherence {COHERENT:g}).{ran} Where a controller makes the command of noisy "
+        "readings, the measured line is off.",
+        png(figure),
+        (channel.name, command.name),
     )
 
 

@@ -31,6 +31,7 @@ NO_GP = {
     "not written": "it could not be written down",
     "explains nothing": f"it would explain nothing of {UNSEEN}",
     "harms": f"it would make the error in {{channel}} {{when}} {{times:.2g}} times as large on {UNSEEN}",
+    "strays": "it would make the error in {channel} {times:.2g} times as large in free runs of {seconds:.3g} s",
 }
 
 
@@ -143,4 +144,5 @@ def _both(explanations: Sequence[Claims]) -> str:
 def no_gp_text(why: NoGp) -> str:
     """Why no Gaussian process models what is left."""
     when = "after a rollout" if why.rollout else "one step ahead"
-    return NO_GP[why.reason].format(channel=why.channel, when=when, times=why.times)
+    facts = {"channel": why.channel, "when": when, "times": why.times, "seconds": why.seconds}
+    return NO_GP[why.reason].format(**facts)

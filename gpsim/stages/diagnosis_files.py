@@ -31,7 +31,7 @@ from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Progress, blamed, generator, silent
-from gpsim.traces import Course, Traces, course, traces
+from gpsim.traces import Course, Response, Traces, course, frequency, traces
 
 if TYPE_CHECKING:
     from gpsim.gp import Predictor
@@ -167,10 +167,13 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
     past: Course | None = None
+    answered: Response | None = None
     with mishaps.contained("figure traces is left out"):
         shown = traces(found.question, leader, horizon)
     with mishaps.contained("figure residual_time is left out"):
         past = course(found.question, leader)
+    with mishaps.contained("figure frequency_response is left out"):
+        answered = frequency(found.question, leader)
     pictures: dict[str, Picture] = {}
 
     def contained(name: str) -> AbstractContextManager[None]:
@@ -178,7 +181,7 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
 
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
-        pictures |= figures(found, shown, past, contained)
+        pictures |= figures(found, shown, past, contained, answered)
     simulator = found.question.everything.simulator
     if isinstance(simulator, MjcfSimulator):
         with contained(ROBOT):

@@ -85,7 +85,7 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
     length = max(2, round(horizon / question.recording.dt))
     stretches, held_out = _stretches(question, length)
-    models = _models(question, leader)
+    models = models_of(question, leader)
     parts = {kind: _rolled(question, stretches, model, length) for kind, model in models.items()}
     problem, best = question.everything, list(models)[-1]
     seen = np.array([name not in question.hidden for name in problem.simulator.state.names])
@@ -110,7 +110,7 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
 def course(question: Question, leader: Hypothesis) -> Course:
     """Where in the recording the base is off, in the channel in which that stands out most from the noise."""
     problem, sizes = question.everything, {}
-    for kind, model in _models(question, leader).items():
+    for kind, model in models_of(question, leader).items():
         windows = completed(problem, model, question.hidden)  # what is hidden each model guesses for itself
         squares, counts = _squares(problem, windows, predicted(problem, windows, model))
         sizes[kind] = np.sqrt(squares / counts)
@@ -126,7 +126,7 @@ def course(question: Question, leader: Hypothesis) -> Course:
     )
 
 
-def _models(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
+def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
     """What is compared: the base simulator with its own step, and with the effects, where there are any."""
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     return {BASE: base, EFFECTS: leader} if leader.terms else {BASE: base}

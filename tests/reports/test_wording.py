@@ -133,6 +133,8 @@ def test_what_to_drive_an_action_with_is_said(excitation, said):
         (NoGp("explains nothing"), "it would explain nothing of training data that it had not seen"),
         (NoGp("harms", "q", rollout=True, times=1.104), "it would make the error in q after a rollout 1.1 times as large on "
          "training data that it had not seen"),
+        (NoGp("strays", "q", rollout=True, times=1.83, seconds=19.79), "it would make the error in q 1.8 times as large in "
+         "free runs of 19.8 s"),
         (NoGp("harms", "q_acc", times=math.inf), "it would make the error in q_acc one step ahead inf times as large on "
          "training data that it had not seen"),
     ],

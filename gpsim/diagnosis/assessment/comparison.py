@@ -19,6 +19,7 @@ from gpsim.diagnosis.assessment.remainder_gp import (
     left_with,
     measured_rates,
     residual_rates,
+    strays,
     why_not,
     with_a_past,
 )
@@ -28,6 +29,8 @@ from gpsim.diagnosis.assessment.rollouts import (
     Model,
     base_of,
     drifts,
+    free_length,
+    free_runs,
     over_before,
     rollouts,
     share_explained,
@@ -192,14 +195,17 @@ def _remainder(
         return None, NoGp("no structure"), None
     if alone is None:
         return None, NoGp("not fitted"), None
-    problem = question.everything
+    problem, named = question.everything, bool(judgement.leader.hypothesis.terms)
+    account = hypotheses["after" if named else "before"]
+    length = free_length(question, completions.by(account), Model(account))
 
     def corrected(kind: str, train: Windows, learnt: Learnt) -> Corrected:
-        runs = whole_windows(question, completions.by(hypotheses[kind]), learnt_from=True)
-        return Corrected(hypotheses[kind], learnt, train, runs)
+        recording = completions.by(hypotheses[kind])
+        runs = whole_windows(question, recording, learnt_from=True)
+        return Corrected(hypotheses[kind], learnt, train, runs, free_runs(question, recording, length))
 
     beside, choices = None, []
-    if judgement.leader.hypothesis.terms:
+    if named:
         train = with_a_past(question, steps["after"].train, hypotheses["after"])
         beside = learn(problem, train, hypotheses["after"], rng)
         choices = [corrected("after", train, beside)]
@@ -207,6 +213,7 @@ def _remainder(
         choices.append(corrected("before", steps["before"].train, alone))
     chosen, errors = best(problem, choices)
     why = why_not(problem, choices[0].errors(problem, modelled=False), errors)
+    why = why or strays(problem, choices[0], chosen)
     return None if why else chosen, why, beside
 
 

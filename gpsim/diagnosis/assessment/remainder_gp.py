@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import Feature, Features
-from gpsim.diagnosis.assessment.rollouts import DRAWS, TINY, Model, rolled
+from gpsim.diagnosis.assessment.rollouts import DRAWS, TINY, Model, foreseen, rolled, run_errors
 from gpsim.diagnosis.data import Windows, rms
 from gpsim.diagnosis.fitting import (
     Extra,
@@ -94,6 +94,8 @@ def _features(problem: Problem) -> Features:
 class Corrected:
     """A hypothesis with a Gaussian process on what it leaves, and training data: single transitions, whole stretches.
 
+    runs: of the horizon; free: the longest in which the account still foresees something.
+
     One step is judged on the transitions that the process did not learn from; what is held out has no say.
     """
 
@@ -101,6 +103,11 @@ class Corrected:
     learnt: Learnt
     train: Windows
     runs: Windows
+    free: Windows
+
+    def model(self, modelled: bool) -> Model:
+        """With or without the process."""
+        return Model(self.hypothesis, self.learnt.rates if modelled else None)
 
     def errors(self, problem: Problem, modelled: bool) -> FloatArray:
         """(R + S,) root mean squares of rates one step ahead and of channels after a rollout, with and without it.
@@ -114,8 +121,8 @@ class Corrected:
             rates = _of_columns(both)
         channels = np.ones(len(problem.observed))
         if len(self.runs):
-            model = Model(self.hypothesis, self.learnt.rates if modelled else None)
-            channels = np.where(problem.observed, _of_columns(rolled(problem, self.runs, model)), 1.0)
+            drift = rolled(problem, self.runs, self.model(modelled))
+            channels = np.where(problem.observed, _of_columns(drift), 1.0)
         return np.concatenate([rates, channels])
 
 
@@ -136,6 +143,23 @@ def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> NoGp 
     if ratios[worst] > HARMS:
         return NoGp("harms", names[worst], worst >= len(problem.simulator.rate), float(ratios[worst]))
     return None if ratios.min() < HELPS else NoGp("explains nothing")
+
+
+def strays(problem: Problem, account: Corrected, chosen: Corrected) -> NoGp | None:
+    """What the process of `chosen` makes worse than the account alone is, in long free runs; None if nothing.
+
+    Over a short horizon what a process adds to a slow drift is a trifle, which grows while nothing is read.
+    """
+    if not len(account.free):
+        return None
+    without = run_errors(problem, account.free, account.model(modelled=False))
+    with_it = run_errors(problem, chosen.free, chosen.model(modelled=True))
+    ratios = np.where(foreseen(problem, without), with_it / np.where(np.isfinite(without), without, 1.0), 1.0)
+    worst = int(np.argmax(ratios))
+    if ratios[worst] <= HARMS:
+        return None
+    seconds = account.free.length * problem.dt
+    return NoGp("strays", problem.simulator.state.names[worst], True, float(ratios[worst]), seconds)
 
 
 def _of_columns(errors: FloatArray) -> FloatArray:

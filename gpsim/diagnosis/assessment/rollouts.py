@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import Channel, FloatArray, IntArray, difference
+from gpsim.channels import BoolArray, Channel, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import horizon_of, interval_of, share_of
@@ -23,6 +23,9 @@ ROLLOUTS_LOOKED_AT = 4000  # windows evenly spread, from which these are taken
 BLOCK = 25  # samples in a row that are drawn together (a usual window)
 FEWEST_BLOCKS = 8  # shorter ones are drawn, or no interval is told, where there are fewer [blocks]
 DRAWS = 400  # of all blocks
+LONGEST_FREE = 3000  # transitions of a free run, and how many are made: time
+MOST_FREE = 8
+FORESEEN = 0.3  # of a channel's spread: a simulation that errs by more is lost there
 TINY = 1e-300  # guards divisions by errors that are 0
 
 MODELS: tuple[Kind, ...] = ("before", "tuned", "gp", "after", "after_gp")
@@ -121,6 +124,47 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
     windows = windows.take(windows.valid[:, -1])
     windows = windows.take(windows.sound_ends) if windows.sound_ends.any() else windows
     return windows.take(evenly(len(windows), settings.rollouts.most))
+
+
+def free_length(question: Question, recording: Recording, model: Model) -> int:
+    """Transitions of the longest runs of what is learnt from in which the model still foresees a measured channel.
+
+    Halved until it does: of a run in which it is lost nobody can tell what makes it worse. 0 where those are no longer
+    than a rollout.
+    """
+    problem, held = question.everything, first_held_out(recording)
+    spans = [last - first for index, first, last in stretches(recording) if first < held[index]]
+    length = min(max(spans, default=0), LONGEST_FREE)
+    while length > _length(question):
+        errors = run_errors(problem, free_runs(question, recording, length), model)
+        if foreseen(problem, errors).any():
+            return length
+        length //= 2
+    return 0
+
+
+def free_runs(question: Question, recording: Recording, length: int) -> Windows:
+    """Evenly spread ones of so many transitions in what is learnt from; shorter stretches are padded."""
+    most = ROLLOUTS_LOOKED_AT if length else 0
+    windows = cut(recording, question.run.settings.windows, max(length, 1), most)
+    windows = windows.take(~held_out_mask(recording, windows))
+    return windows.take(evenly(len(windows), MOST_FREE))
+
+
+def run_errors(problem: Problem, windows: Windows, model: Model) -> FloatArray:
+    """(S,) root mean square errors along whole windows; infinite of a simulation that ran away."""
+    with np.errstate(all="ignore"):  # it may
+        said = predicted(problem, windows, model.hypothesis, model.extra)
+        off = difference(windows.measured, said, problem.simulator.state)
+        later = np.array(windows.valid)
+        later[:, 0] = False  # there it starts
+        found = np.sqrt(np.mean(off[later] ** 2, axis=0))
+    return np.where(np.isfinite(found), np.maximum(found, TINY), np.inf)
+
+
+def foreseen(problem: Problem, errors: FloatArray) -> BoolArray:
+    """(S,) in which measured channels errors (S,) are so small beside the channel's spread that they tell something."""
+    return np.asarray(problem.observed & (errors < FORESEEN * problem.scale))
 
 
 def _length(question: Question) -> int:
