@@ -18,6 +18,7 @@ from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shootin
 from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed, told
 from gpsim.diagnosis.ladder.curves import beside, curved, inputs
+from gpsim.diagnosis.ladder.few import few_are_better, few_suffice
 from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, kind_of, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
@@ -105,7 +106,8 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         laws = [replace(law, of_row=False) for law in laws]
         few = Search(question.searched, question.held_out, laws)
-        if few.few():
+        few.lean = few_suffice(few)
+        if few.lean:
             return few
         search = Search(question.searched, question.held_out, laws)
     search.usual(sized)
@@ -113,7 +115,10 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
     if search.dear:
         search.through_gauges()
     search.eliminate()
-    return few if few and few.ahead_of(search) else search
+    if few and few_are_better(few, search):
+        few.lean = True
+        return few
+    return search
 
 
 def _finer(search: Search) -> None:

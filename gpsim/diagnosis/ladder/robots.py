@@ -36,10 +36,7 @@ NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (what is wrong with rows is alike); f
 STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)  # of servos' gains, and of the best of these
 ALIKE = 0.015  # of the base's error, beside one standard error: as good as the best
 BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usual, by other motors or bodies
-SURE, SURELY_DRY = (
-    2.0,
-    0.02,
-)  # deviations, and usual forces, of dry friction, from which a joint surely has it
+SURE, DRY_ENOUGH = 2.0, 0.02  # deviations, and usual forces: with more friction a joint surely rubs
 PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
 GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
@@ -100,7 +97,7 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     share = 1.0 - float((best.left / best.was).mean())
     dry = [row.candidate for row in log.rows if row.kind == DRY and row.candidate.identity in values]
     sure = [
-        values[c.identity][0] > max(SURE * deviations[c.identity][0], SURELY_DRY * c.place.span) for c in dry
+        values[c.identity][0] > max(SURE * deviations[c.identity][0], DRY_ENOUGH * c.place.span) for c in dry
     ]
     return Sized(values, deviations, best.late, share, 2 * sum(sure) > len(simulator.coordinates))
 

@@ -18,14 +18,12 @@ from gpsim.diagnosis.fitting import (
     fit,
     sensor_noise,
     unexplained,
-    whiteness,
 )
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.diagnosis.ladder.robots import ROWS, Sized
 from gpsim.effects import Scheme, Term, closed
-from gpsim.recordings import evenly
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
 Key = tuple[str, str, str]
@@ -38,12 +36,6 @@ CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such fr
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
 CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
 OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
-FEW, FEW_LEAVE, LEFT_BY_ONE = (
-    3,
-    0.003,
-    0.7,
-)  # laws that may be all that a robot's model lacks; of the misfit, that one leaves at most
-OFFERED = 15  # windows by which few laws are offered
 PROBED = 3  # laws that are fitted of those that promise most
 
 
@@ -61,7 +53,8 @@ class Search:
         self.tried: list[Account] = []
         self.gauges: set[Key] = set()
         self.least = 0.0
-        self.dear, self.lean = closed(problem.simulator) is not None, False
+        self.dear = closed(problem.simulator) is not None
+        self.lean = False  # few laws stand, so that what is dear elsewhere is asked of a robot, too
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
         """Write a decision down."""
@@ -95,43 +88,7 @@ class Search:
         """Other laws, fitted from where they are."""
         return Account(laws, self.shooting.fit(self.shooting.at(hypothesis, starts), rounds))
 
-    # Few laws
-
-    def few(self) -> bool:
-        """One law after another from nothing, each in an exact fit; whether so few leave nothing.
-
-        A model may be right but for one thing, which rows of all joints would make up for between them.
-        """
-        problem, measured = self.shooting.problem, self.account.fit.starts
-        self._under_sensors()
-        self.refit(3)
-        self.base = self.account.fit
-        some = evenly(len(measured), OFFERED)
-        thin = Shooting(problem.on(problem.windows.take(some)))
-        for _ in range(FEW):
-            # Start states that were fitted without a law that is missing may be far from where they are with it.
-            thin.noise = replace(self.shooting.noise, weights=thin.base_weights)
-            point = thin.at(self.account.hypothesis, measured[some])
-            absent = [law for law in self.laws if not (law.stiff or self.account.holds(law))]
-            if not self.add_best(Offers(thin, point).of(absent), PROBED, measured):
-                break
-            if self.left() > LEFT_BY_ONE * self.missing():
-                return False
-            if self.left() <= 0.0 and whiteness(problem, self.account.fit) > self.verdict.chance:
-                break
-        self.lean = self.left() <= FEW_LEAVE * self.missing()
-        return self.lean
-
-    def ahead_of(self, other: Search) -> bool:
-        """Whether few laws explain more for their price than all that is usual does, each under its own noise."""
-        effective = self.shooting.noise.effective
-        saved = bill(other.account.laws, effective, self.numbers.law) - bill(
-            self.account.laws, effective, self.numbers.law
-        )
-        self.lean = saved > self.profiled(other.account)
-        return self.lean
-
-    def _under_sensors(self) -> None:
+    def under_sensors(self) -> None:
         """The account as it is under the noise of sensors alone."""
         told = sensor_noise(self.shooting.problem, self.account.fit.residuals)
         self.shooting.noise = Noise(np.maximum(told, 1e-300), np.ones(len(told)), self.shooting.base_weights)
@@ -147,7 +104,7 @@ class Search:
         """
         floats = self.dear and not known
         if floats:
-            self._under_sensors()
+            self.under_sensors()
         self.refit(3)
         self.base = self.account.fit
         if not floats:  # else all of its misfit would pass for correlated noise, under which no fit goes on

@@ -1,0 +1,47 @@
+"""Few laws, one after another from nothing: a model may be right but for a thing or two.
+
+Rows of all of a robot's joints, which are usual, would make up for these between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gpsim.diagnosis.fitting import Shooting, whiteness
+from gpsim.diagnosis.ladder.account import bill
+from gpsim.diagnosis.ladder.offers import Offers
+from gpsim.diagnosis.ladder.search import PROBED, Search
+from gpsim.recordings import evenly
+
+FEW, LEAVE = 3, 0.003  # laws that may be all that is missing; of the misfit, that they leave then
+LEFT_BY_ONE = 0.7  # of the misfit: where the best law leaves more, more than few are missing
+OFFERED = 15  # windows by which they are offered
+
+
+def few_suffice(search: Search) -> bool:
+    """Fit the search's account with few laws, each exactly; whether they leave nothing."""
+    problem, measured = search.shooting.problem, search.account.fit.starts
+    search.under_sensors()
+    search.refit(3)
+    search.base = search.account.fit
+    some = evenly(len(measured), OFFERED)
+    thin = Shooting(problem.on(problem.windows.take(some)))
+    for _ in range(FEW):
+        # Start states that were fitted without a law that is missing may be far from where they are with it.
+        thin.noise = replace(search.shooting.noise, weights=thin.base_weights)
+        point = thin.at(search.account.hypothesis, measured[some])
+        absent = [law for law in search.laws if not (law.stiff or search.account.holds(law))]
+        if not search.add_best(Offers(thin, point).of(absent), PROBED, measured):
+            break
+        if search.left() > LEFT_BY_ONE * search.missing():
+            return False
+        if search.left() <= 0.0 and whiteness(problem, search.account.fit) > search.verdict.chance:
+            break
+    return search.left() <= LEAVE * search.missing()
+
+
+def few_are_better(few: Search, usual: Search) -> bool:
+    """Whether few laws explain more for their price than all that is usual does, each under its own noise."""
+    effective, per_law = few.shooting.noise.effective, few.numbers.law
+    saved = bill(usual.account.laws, effective, per_law) - bill(few.account.laws, effective, per_law)
+    return saved > few.profiled(usual.account)
