@@ -13,12 +13,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.trials import catalogue, outside, outside_kind
+from gpsim.trials import catalogue, outside
 from gpsim.trials.worlds import SYSTEMS, Parameters, TrueEffect, Values, dynamics, load_on_track
 
-TWISTS, HIDDEN_TWISTS = outside.at_site(outside_kind.Twist), outside.at_site(outside_kind.HiddenTwist)
-FORCES, COUPLED = outside.at_site(outside_kind.Force), outside.at_site(outside_kind.CoupledForce)
-INERTIAS, HIDDEN = outside.at_site(outside_kind.Inertia), outside.at_site(outside_kind.HiddenForce)
+TWISTS, HIDDEN_TWISTS = outside.at_site("twist after"), outside.at_site("hidden twist")
+FORCES, COUPLED = outside.at_site("force"), outside.at_site("coupled force")
+INERTIAS, HIDDEN = outside.at_site("inertia"), outside.at_site("hidden force")
 STILL = 1e-12  # below this a velocity is rounding
 
 
@@ -68,12 +68,12 @@ class Vehicle(Moving):
     def __init__(self, effects: Sequence[TrueEffect]) -> None:
         order = list(catalogue.TWIST)
         self._twist = sorted((e for e in effects if e.family in order), key=lambda e: order.index(e.family))
-        self._outside = [TWISTS[e.family](e.values) for e in effects if e.family in TWISTS]
-        self._hidden = [HIDDEN_TWISTS[e.family](e.values) for e in effects if e.family in HIDDEN_TWISTS]
+        self._outside = [e for e in effects if e.family in TWISTS]
+        self._hidden = [e for e in effects if e.family in HIDDEN_TWISTS]
 
     def begin(self, s: FloatArray) -> FloatArray:
         """Those of what acts on its twist."""
-        return np.hstack([np.empty((len(s), 0)), *(law.begin(s) for law in self._hidden)])
+        return np.zeros((len(s), len(self._hidden)))
 
     def step(self, s: FloatArray, z: FloatArray, now: Now, h: float) -> tuple[FloatArray, FloatArray]:
         """By a Runge-Kutta step."""
@@ -92,12 +92,12 @@ class Vehicle(Moving):
                 gate = effect.acts(s, t, SYSTEMS["unicycle"].names) > 0
                 new = tuple(np.where(gate, a, b) for a, b in zip(new, (v, lateral, w), strict=True))
             v, lateral, w = new
-        for law in self._outside:
-            v, w = law.twist(v, w, s)
+        for effect in self._outside:
+            v, w = TWISTS[effect.family](effect.values, v, w, s)
         drift = []
-        for i, hidden in enumerate(self._hidden):
-            v, w, moved = hidden.twist(v, w, y[:, 3 + i : 4 + i])
-            drift.append(moved)
+        for effect, z in zip(self._hidden, y[:, 3:].T, strict=True):
+            v, w, moved = HIDDEN_TWISTS[effect.family](effect.values, v, w, z)
+            drift.append(moved[:, None])
         sin, cos = np.sin(s[:, 2]), np.cos(s[:, 2])
         rates = np.stack([v * cos - lateral * sin, v * sin + lateral * cos, w], axis=1)
         return np.hstack([rates, *drift])
@@ -113,16 +113,16 @@ class Body(Moving):
         self._system, self._parameters = SYSTEMS[system], dict(parameters)
         index = {name: i for i, name in enumerate(self._system.coordinates)}
 
-        def of(kinds: Mapping[str, Any]) -> list[tuple[Any, int]]:
-            return [(kinds[e.family](e.values), index[e.on]) for e in effects if e.family in kinds]
+        def of(laws: Mapping[str, Any]) -> list[tuple[TrueEffect, int]]:
+            return [(e, index[e.on]) for e in effects if e.family in laws]
 
         self._offsets = [e for e in effects if e.family == "parameter_offset"]
-        self._smooth = [(e, index[e.on]) for e in effects if e.family in catalogue.SMOOTH]
+        self._smooth, self._bristles, self._dry = map(
+            of, (catalogue.SMOOTH, catalogue.BRISTLES, catalogue.GRIP)
+        )
         self._outside, self._inertias, self._hidden = of(FORCES), of(INERTIAS), of(HIDDEN)
-        self._coupled = [COUPLED[e.family](e.values) for e in effects if e.family in COUPLED]
-        self._bristles = [(e, index[e.on]) for e in effects if e.family in catalogue.BRISTLES]
+        self._coupled = [e for e in effects if e.family in COUPLED]
         self._couplings = [e for e in effects if e.family in catalogue.COUPLINGS]
-        self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
         self._dry_columns = sorted({c for _, c in self._dry})
         self._loaded = any("coefficient" in e.values for e, _ in self._dry)
         # The state column of the coordinate that the command drives.
@@ -130,7 +130,11 @@ class Body(Moving):
 
     def begin(self, s: FloatArray) -> FloatArray:
         """Two of every force that has some."""
-        parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
+        parts = []
+        for effect, c in self._hidden:
+            kind, (q, v) = outside.EVERY_KIND[effect.family], s[:, 2 * c : 2 * c + 2].T
+            begun = kind.start(q, v) if kind.start else (np.full_like(q, kind.first), np.zeros_like(q))
+            parts.append(np.stack(begun, axis=1))
         parts += [np.zeros((len(s), 2)) for _ in self._bristles]
         parts += [np.stack([np.zeros(len(s)), s[:, self._driven + 1]], axis=1) for _ in self._couplings]
         return np.hstack([np.empty((len(s), 0)), *parts])
@@ -168,24 +172,25 @@ class Body(Moving):
     def _slope(self, s: FloatArray, z: FloatArray, now: Now, direction: FloatArray) -> FloatArray:
         names, p = self._system.names, self._actual(s, now.t)
         inverse, force = dynamics(self._system.name, p, s, now.u)
-        for uneven, c in self._inertias:
-            extra, slope = uneven.inertia(s[:, 2 * c])
+        for effect, c in self._inertias:
+            extra, slope = INERTIAS[effect.family](effect.values, s[:, 2 * c])
             inverse = with_inertia(inverse, c, extra)
             force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
         for effect, c in self._smooth:
             push = catalogue.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
             force[:, c] += push * effect.acts(s, now.t, names) if effect.gated else push
-        for law, c in self._outside:
-            force[:, c] += law.force(s[:, 2 * c], s[:, 2 * c + 1], now.wall)
-        for both in self._coupled:
-            force += both.forces(s)
+        for effect, c in self._outside:
+            force[:, c] += FORCES[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1], now.wall)
+        for effect in self._coupled:
+            force += COUPLED[effect.family](effect.values, s)
         drift = []
-        for i, (hidden, c) in enumerate(self._hidden):
-            part = z[:, 2 * i : 2 * i + 2]
-            if (more := hidden.inertia(part)) is not None:
-                inverse = with_inertia(inverse, c, more)
-            force[:, c] += hidden.force(s[:, 2 * c], s[:, 2 * c + 1], part)
-            drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
+        for i, (effect, c) in enumerate(self._hidden):
+            place, rate = z[:, 2 * i], z[:, 2 * i + 1]
+            if more := outside.EVERY_KIND[effect.family].inertia:
+                inverse = with_inertia(inverse, c, more(effect.values, place))
+            push, *rates = HIDDEN[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1], place, rate)
+            force[:, c] += push
+            drift.append(np.stack((*rates, np.zeros(len(s)))[:2], axis=1))
         for effect, c in self._bristles:
             rubs, bend = catalogue.BRISTLES[effect.family], z[:, 2 * len(drift)]
             push, rate = rubs(effect.values, s[:, 2 * c + 1], bend, 1.0 / inverse[:, c, c])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -31,11 +31,6 @@ def claims_of(effects: Sequence[Json]) -> Claim:
     return frozenset(map(identity, effects))
 
 
-def families_of(claims: Claim) -> tuple[str, ...]:
-    """The families of claims, each as often as it is claimed."""
-    return tuple(sorted(family for family, _ in claims))
-
-
 def listed(claims: Claim) -> list[list[str]]:
     """Claims as JSON has them."""
     return sorted(map(list, claims))
@@ -43,7 +38,7 @@ def listed(claims: Claim) -> list[list[str]]:
 
 def words_of(effects: Sequence[Json]) -> set[Identity]:
     """What the catalogue calls those effects of an answer whose kinds have become its words."""
-    kinds = [(outside.EVERY_KIND[e["family"]].family, str(e["on"])) for e in effects if e["outside"]]
+    kinds = [(outside.EVERY_KIND[e["family"]].word, str(e["on"])) for e in effects if e["outside"]]
     return {(family, on) for family, on in kinds if family}
 
 
@@ -58,11 +53,6 @@ def said_share(report: Json) -> float | None:
     return told
 
 
-def approximate(effect: Json) -> bool:
-    """Whether a diagnosis says that its law does not hold."""
-    return bool(effect.get("form") == "approximate")
-
-
 def asserted(effect: Json) -> bool:
     """Whether an effect is said to hold, with odds above ten.
 
@@ -73,7 +63,7 @@ def asserted(effect: Json) -> bool:
     if nats is None:
         probability = float(effect["probability"] or 0.0)
         nats = math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
-    return not approximate(effect) and float(nats) > math.log(WRONG_ODDS)
+    return effect.get("form") != "approximate" and float(nats) > math.log(WRONG_ODDS)
 
 
 def is_part(effect: Json, names: set[str]) -> bool:
@@ -103,6 +93,23 @@ def failed(**more: Any) -> dict[str, Any]:
     """What is said of a missing report: it is wrong in all."""
     wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
     return {"verdict": "failed", "said": []} | wrong | more
+
+
+def told_of(
+    report: Json, said: Claim, truth: Claim, verdicts: Sequence[str], spurious: Sequence[Json], every: bool
+) -> dict[str, Any]:
+    """What is said of any report that is judged effect by effect; every: whether all that counts was told."""
+    verdict = str(report["verdict"])
+    return {
+        "verdicts": sorted(verdicts),
+        "verdict": verdict,
+        "said": listed(said),
+        **spurious_of(spurious),
+        "verdict_right": verdict in verdicts,
+        "leading_right": every,
+        "families_right": {f for f, _ in said} >= {f for f, _ in truth},
+        "right": bool(verdict in verdicts and every and not spurious),
+    }
 
 
 def spurious_of(effects: Sequence[Json]) -> dict[str, Any]:
@@ -145,20 +152,16 @@ def parameter_errors(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[s
     return out
 
 
-class Gate(NamedTuple):
-    """One gate of an effect: an interval of a channel, or where `channel` is None the moment of its onset, once."""
-
-    effect: Identity
-    channel: str | None
-    edges: tuple[float, ...]
+Gate = tuple[Identity, str | None, tuple[float, ...]]
+"""Of an effect an interval of a channel, or where there is no channel the moment of its onset, once."""
 
 
 def gates_of(effects: Sequence[Json]) -> list[Gate]:
     """Every gate of a list of effects."""
-    found = []
+    found: list[Gate] = []
     for e in effects:
-        found += [Gate(identity(e), channel, tuple(edges)) for channel, edges in e["region"].items()]
-        found += [] if e["since"] is None else [Gate(identity(e), None, (e["since"],))]
+        found += [(identity(e), channel, tuple(edges)) for channel, edges in e["region"].items()]
+        found += [] if e["since"] is None else [(identity(e), None, (e["since"],))]
     return found
 
 
@@ -174,30 +177,22 @@ def gate_figures(
     """
     true, claimed, names = gates_of(truth), gates_of(said), claims_of(said)
     pairs = [
-        (t, c)
-        for t in true
-        for c in claimed
-        if t.channel == c.channel and (t.effect == c.effect or (stands_in and t.effect not in names))
-    ]
+        (t, c) for t in true for c in claimed
+        if t[1] == c[1] and (t[0] == c[0] or (stands_in and t[0] not in names))
+    ]  # fmt: skip
     overlaps, errors = [], []
     for gate in true:
-        answers = [c.edges for t, c in pairs if t == gate]
-        if gate.channel is not None:
-            reach = visited[gate.channel]
-            wanted = np.clip(gate.edges, *reach)
-            overlaps.append(max((iou(wanted, np.clip(edges, *reach)) for edges in answers), default=0.0))
+        _, channel, wanted = gate
+        answers = [c[2] for t, c in pairs if t == gate]
+        if channel is None:
+            errors.append(min((abs(edges[0] - wanted[0]) / duration for edges in answers), default=1.0))
         else:
-            errors.append(min((abs(edges[0] - gate.edges[0]) / duration for edges in answers), default=1.0))
+            inside = [[np.clip(edges, *visited[channel]) for edges in (wanted, told)] for told in answers]
+            overlaps.append(max((iou(*both) for both in inside), default=0.0))
     spurious = any(c not in [paired for _, paired in pairs] for c in claimed)
     found = all(o >= LEAST_IOU for o in overlaps) and all(e <= LARGEST_ONSET for e in errors)
     worst = ({"iou": min(overlaps)} if overlaps else {}) | ({"onset_error": max(errors)} if errors else {})
     return {"gate_right": found and not spurious, **worst}
-
-
-def failed_gates(truth: Sequence[Json]) -> dict[str, float]:
-    """The gates' figures of a diagnosis that failed: none was found."""
-    kinds = {g.channel is None for g in gates_of(truth)}
-    return ({"iou": 0.0} if False in kinds else {}) | ({"onset_error": 1.0} if True in kinds else {})
 
 
 def iou(first: FloatArray, second: FloatArray) -> float:

@@ -19,6 +19,7 @@ from gpsim.channels import FloatArray
 from gpsim.trials import catalogue, outside
 from gpsim.trials.bodies import native
 from gpsim.trials.driving import BODY_SIGNALS, GRADED_SIGNALS, PLAYED, VEHICLE_SIGNALS
+from gpsim.trials.outside_curves import CURVES
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FROM,
@@ -65,9 +66,7 @@ def systems_of(family: str) -> list[str]:
 
 def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family, or a kind outside the catalogue, can act on in a system, so that a recording can show it."""
-    if family in outside.EVERY_KIND:
-        return outside.EVERY_KIND[family].places(system, velocities)
-    return catalogue.places_of(family, system, velocities)
+    return outside.LAWS[family].places(system, velocities)
 
 
 def digits(value: float) -> float:
@@ -100,7 +99,7 @@ def first_family(seed: int, stratum: Stratum, rank: int) -> str | None:
         return None
     apart = {
         "words": [name for name, word in catalogue.WORDS.items() if word.asked],
-        "curves": outside.CURVES,
+        "curves": CURVES,
         "unknown": outside.drawn(seed) if stratum == "unknown" else (),
     }
     names = sorted(apart.get(stratum, catalogue.DECK))
@@ -125,19 +124,12 @@ def draw(seed: int, number: int, attempt: int = 0) -> World:
     scales = Scales(world, run(replace(world, engine="rk4"), (), world.dt / 4))
     world = with_effects(world, chosen, scales, (0.0, 1.0), rng)
     made = world.effects
-    native_ones = not system.vehicle and all(not of_body(e.family) or native(e) for e in made)
+    native_ones = not system.vehicle and all(not outside.LAWS[e.family].of_body or native(e) for e in made)
     # MuJoCo's friction yields for a step at every stop, which clean sensors would show as physics of its own.
     native_ones = native_ones and not (
         world.noise_level == "clean" and any(e.family in catalogue.GRIP for e in made)
     )
     return replace(world, engine="mujoco" if native_ones and rng.random() < WITH_MUJOCO else "rk4")
-
-
-def of_body(family: str) -> bool:
-    """Whether it acts in the body itself; before or after it the engine does not matter."""
-    if family in outside.EVERY_KIND:
-        return outside.EVERY_KIND[family].of_body
-    return not (family in catalogue.ACTUATORS or family.startswith("sensor_"))
 
 
 def places(
@@ -174,16 +166,16 @@ def bare_world(
     wanted = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     steps = int(rng.uniform(120, 260) if system.vehicle else rng.uniform(160, 400))
     signals: tuple[str, ...] = VEHICLE_SIGNALS if system.vehicle else BODY_SIGNALS
-    known = [outside.EVERY_KIND.get(f) or catalogue.FAMILIES[f] for f, _ in effects]
+    known = [outside.LAWS[f] for f, _ in effects]
     if any(f.needs_levels for f in known) and rng.random() < 0.85:
         signals = tuple(signal for signal in signals if signal in GRADED_SIGNALS)
-    blind = {signal for f in known for signal in getattr(f, "unseen_under", ())}
+    blind = {signal for f in known for signal in f.unseen_under}
     signals = tuple(signal for signal in signals if signal not in blind)
     level = str(rng.choice(list(NOISE)))
     noise = noise_of(system, level, rng)
     episodes = max(int(np.ceil(wanted / steps)), 5)
     hanging = attempt > 0 or rng.random() < 0.5
-    runs_on = any(getattr(f, "ages", False) for f in known)
+    runs_on = any(f.ages for f in known)
     return World(
         seed=seed, number=number, attempt=attempt, stratum=stratum, long=long, system=system.name,
         parameters={n: digits(rng.uniform(*r)) for n, r in system.parameters.items()},
@@ -215,8 +207,7 @@ def with_effects(
 def effect(family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng: Rng) -> TrueEffect:
     """A family, or a kind outside the catalogue, on a place, as strong as the dial says; perhaps gated."""
     outer = family in outside.EVERY_KIND
-    strength = outside.EVERY_KIND[family].drawn if outer else catalogue.STRENGTHS[family]
-    values = strength(scales, on, dial)
+    values = outside.LAWS[family].drawn(scales, on, dial)
 
     def region(channel: str) -> dict[str, tuple[float, float]]:
         """An interval that holds between a fifth and a half of the base run's samples, or is open to one side."""

@@ -7,13 +7,15 @@ together, is drawn anew.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
-from gpsim.trials.outside_kind import Actuator, Distortion, Draw, Force, Kind, Twist
+from gpsim.trials.catalogue import EVERY, VEHICLE, Draw, Family
 from gpsim.trials.worlds import SYSTEMS, Dial, Run, Scales, Values, World, rounded
 
 SIGMOIDS, HARMONICS = 3, (2, 3, 4)  # a single harmonic of an angle is gravity's
@@ -99,83 +101,60 @@ def _shapes(x: FloatArray, angle: bool) -> list[FloatArray]:
     return out + [np.stack([np.sin(n * x), np.cos(n * x)], axis=1) for n in waves]
 
 
-class FreeCurve(Kind):
-    """What such laws share. quantity: the family that a measured curve of it has."""
+@dataclass(frozen=True, kw_only=True)
+class Curve(Family):
+    """Such a law. quantity: the family of a measured curve of it; input_of(on, system): what it is a function of."""
 
-    quantity: ClassVar[str]
-
-    @classmethod
-    def input_of(cls, on: str, system: str) -> str:
-        """The channel or command that it is a function of."""
-        return on
-
-    def adds(self, x: FloatArray) -> FloatArray:
-        """What it adds to what the base simulator makes of its input."""
-        return smooth(self.k, x)
+    quantity: str = ""
+    input_of: Callable[[str, str], str] = lambda on, system: on
 
 
-class FreeForceOfSpeed(FreeCurve, Force, quantity="force_curve"):
-    """A force of the coordinate's own speed."""
-
-    @classmethod
-    def input_of(cls, on: str, system: str) -> str:
-        names = SYSTEMS[system].names
-        return names[names.index(on) + 1]
-
-    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
-        return self.adds(v)
-
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        x = s.column(FreeForceOfSpeed.input_of(on, s.world.system))
-        return drawn_law(x, d.size(0.15, 0.5) * s.force(on), False, d)
+def _speed_of(on: str, system: str) -> str:
+    names = SYSTEMS[system].names
+    return names[names.index(on) + 1]
 
 
-class FreeForceOfPosition(FreeCurve, Force, quantity="force_curve"):
-    """A force of the coordinate's own position."""
+def _drawn_force(channel: Callable[[str, str], str], angles: bool) -> Draw:
+    def draw(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        x = s.column(channel(on, s.world.system))
+        return drawn_law(x, d.size(0.15, 0.5) * s.force(on), angles and _is_angle(s, on), d)
 
-    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(
-        s.column(on), d.size(0.15, 0.5) * s.force(on), _is_angle(s, on), d
-    )
-
-    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
-        return self.adds(q)
+    return draw
 
 
-class FreeCommand(FreeCurve, Actuator, quantity="actuator_curve", needs_levels=True):
-    """What reaches the body is the command and a function of it."""
-
-    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
-        return np.asarray(u + self.adds(u))
-
-    @staticmethod
-    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
-        u = s.command(on)
-        return drawn_law(u, d.size(0.1, 0.4) * float(np.sqrt(np.mean(u**2))), False, d)
+def _drawn_command(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    u = s.command(on)
+    return drawn_law(u, d.size(0.1, 0.4) * float(np.sqrt(np.mean(u**2))), False, d)
 
 
-class FreeReading(FreeCurve, Distortion, quantity="sensor_curve"):
-    """What is read is the true value and a function of it."""
-
-    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(
-        s.column(on), d.size(0.04, 0.15) * min(s.reach(on), 1.0), _is_angle(s, on), d
-    )
-
-    def read(self, y: FloatArray) -> FloatArray:
-        return np.asarray(y + self.adds(y))
-
-
-class FreeTurn(FreeCurve, Twist, quantity="rate_curve", needs_levels=True):
-    """Curvature by a function of the speed: w (1 + f(v))."""
-
-    strength: ClassVar[Draw] = lambda s, on, d: drawn_law(s.command("v_cmd"), d.size(0.1, 0.4), False, d)
-
-    @classmethod
-    def input_of(cls, on: str, system: str) -> str:
-        return "v"
-
-    def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return v, np.asarray(w * (1.0 + self.adds(v)))
+CURVES: Mapping[str, Curve] = {
+    # A force of the coordinate's own speed.
+    "free_force_of_speed": Curve(
+        site="force", law=lambda k, q, v, t: smooth(k, v), draw=_drawn_force(_speed_of, False),
+        quantity="force_curve", input_of=_speed_of,
+    ),
+    # A force of the coordinate's own position.
+    "free_force_of_position": Curve(
+        site="force", law=lambda k, q, v, t: smooth(k, q), draw=_drawn_force(lambda on, system: on, True),
+        quantity="force_curve",
+    ),
+    # What reaches the body is the command and a function of it.
+    "free_command": Curve(
+        site="actuator", law=lambda k, u, s, t, h: u + smooth(k, u), draw=_drawn_command, systems=EVERY,
+        quantity="actuator_curve", needs_levels=True,
+    ),
+    # What is read is the true value and a function of it.
+    "free_reading": Curve(
+        site="distortion", law=lambda k, y: y + smooth(k, y), systems=EVERY, quantity="sensor_curve",
+        draw=lambda s, on, d: drawn_law(s.column(on), d.size(0.04, 0.15) * min(s.reach(on), 1.0), _is_angle(s, on), d),
+    ),
+    # Curvature by a function of the speed: w (1 + f(v)).
+    "free_turn": Curve(
+        site="twist after", law=lambda k, v, w, s: (v, w * (1.0 + smooth(k, v))), systems=VEHICLE, on=("vehicle",),
+        draw=lambda s, on, d: drawn_law(s.command("v_cmd"), d.size(0.1, 0.4), False, d), quantity="rate_curve",
+        input_of=lambda on, system: "v", needs_levels=True,
+    ),
+}  # fmt: skip
 
 
 def _is_angle(s: Scales, channel: str) -> bool:
@@ -189,15 +168,14 @@ def true_curve(world: World, truth: Run) -> dict[str, Any] | None:
     what the law adds there to what the base makes of it. second: the turn rates (rad/s) of a law of a vehicle's speed.
     """
     (effect,) = world.effects if len(world.effects) == 1 else (None,)
-    kind = None if effect is None else Kind.listed.get(effect.family)
-    if effect is None or kind is None or not issubclass(kind, FreeCurve):
+    if effect is None or effect.family not in CURVES:
         return None
-    law, system = kind(effect.values), SYSTEMS[world.system]
-    channel = law.input_of(effect.on, system.name)
-    if isinstance(law, Twist):
+    curve, system, k = CURVES[effect.family], SYSTEMS[world.system], effect.values
+    channel = curve.input_of(effect.on, system.name)
+    if curve.site == "twist after":
         rows = truth.commands.reshape(-1, truth.commands.shape[2])
         v, w = rows[np.linspace(0, len(rows) - 1, VISITED).astype(int)].T
-        told = {"at": v, "adds": law.twist(v, w, np.zeros((len(v), 3)))[1] - w, "second": w}
+        told = {"at": v, "adds": w * (1.0 + smooth(k, v)) - w, "second": w}
     else:
         if channel in system.action:
             visited = truth.commands[..., list(system.action).index(channel)].ravel()
@@ -205,6 +183,6 @@ def true_curve(world: World, truth: Run) -> dict[str, Any] | None:
             visited = truth.sampled[:-1, :, system.names.index(channel)].ravel()
             visited = wrap_angle(visited) if system.state[channel] == "rad" else visited
         x = np.asarray(np.quantile(visited, np.linspace(EDGE, 1.0 - EDGE, VISITED)))
-        told = {"at": x, "adds": law.adds(x)}
+        told = {"at": x, "adds": smooth(k, x)}
     values = {key: [float(f"{value:.6g}") for value in column] for key, column in told.items()}
-    return {"family": law.quantity, "input": channel, **values}
+    return {"family": curve.quantity, "input": channel, **values}

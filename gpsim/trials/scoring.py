@@ -19,12 +19,9 @@ from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_r
 from gpsim.trials.claims import (
     Claim,
     Json,
-    approximate,
     asserted,
     claims_of,
     failed,
-    failed_gates,
-    families_of,
     gate_figures,
     headline_of,
     identity,
@@ -32,7 +29,7 @@ from gpsim.trials.claims import (
     opened,
     parameter_errors,
     said_share,
-    spurious_of,
+    told_of,
     words_of,
 )
 from gpsim.trials.contradictions import contradictions
@@ -60,55 +57,46 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
     """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
     if answer.content["stratum"] == "rough":
         return score_rough(answer, report, rivals)
-    if "robot" in answer.content:
-        return score_robot(answer, report, rivals)
     effects, truth = answer.content["effects"], frozenset(answer.claims)
-    inside = not any(e["outside"] for e in effects)
+    inside, robot = not any(e["outside"] for e in effects), answer.content.get("robot")
     equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
     named = words_of(effects)
     words = {frozenset(named)} if named and len(effects) == 1 else set()
     right_claims = (equal | {truth}) if inside else equal | words
-    out = opened(answer, equal, visible=bool(answer.content["visible"]))
+    out = opened(answer, equal, visible=bool(answer.content.get("visible", True)))
     out["truth"] = out["truth"] or [[e["family"], e["on"]] for e in effects]
+    if (
+        robot is not None
+    ):  # no effect has a gate, so none may be claimed; neither rates nor one step are scored
+        out |= {"robot": robot, "parameters": []}
     if report is None:
-        return out | failed() | failed_gates(effects)
+        gates = gate_figures(effects, [], {}, 1.0, stands_in=False)
+        return out | failed() | {name: worst for name, worst in gates.items() if name != "gate_right"}
     verdict, leader = str(report["verdict"]), claims_of(report["effects"])
-    out |= _said(report, truth, right_claims)
-    out["verdict_right"] = verdict in _verdicts(out["stratum"], equal | words)
-    out["right"] = _right(out["stratum"], report, truth, right_claims)
+    families = [sorted(f for f, _ in claims) for claims in (leader, *right_claims)]
+    out |= {
+        "verdict": verdict,
+        "said": listed(leader),
+        "alternatives": sorted(listed(claims_of(a["effects"])) for a in report["alternatives"]),
+        "leading_right": leader in right_claims and bool(leader),
+        "families_right": families[0] in families[1:] and bool(leader),
+        "found": len(leader & truth),
+        "verdict_right": verdict in _verdicts(out["stratum"], equal | words),
+        "right": _right(out["stratum"], report, truth, right_claims),
+    }
     if out["stratum"] == "none":
-        out["false_alarm"] = _alarm(report)
+        out["false_alarm"] = verdict in ("named", "ambiguous", "partial") or bool(leader)
     if not inside:
         out |= _outside(report, frozenset().union(*equal, *words))
         out["right"] = bool(out["said_so"] or (verdict == "named" and out["leading_right"]))
+    elif truth or robot is not None:
+        out["parameters"] = parameter_errors(effects, report["effects"]) if leader == truth else []
+    if robot is not None:
+        out["gated"] = any(e["region"] or e["since"] is not None for e in report["effects"])
+        return out | {"right": bool(out["right"] and (out["stratum"] == "none" or not out["gated"]))}
     if inside and truth:
         out |= _location(answer, report, leader, right_claims)
-        out["parameters"] = parameter_errors(effects, report["effects"]) if leader == truth else []
-    out["fit"] = held_out_fit(answer, report)
-    return out
-
-
-def score_robot(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
-    """The rules of plain worlds, without location and one-step fit.
-
-    No effect has a gate, so none may be claimed; what a diagnosis says of rates that nobody measured is not scored.
-    """
-    effects, truth = answer.content["effects"], frozenset(answer.claims)
-    equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
-    out = {"robot": answer.content["robot"], **opened(answer, equal)}
-    if report is None:
-        return out | failed(parameters=[])
-    verdict, leader = str(report["verdict"]), claims_of(report["effects"])
-    out |= _said(report, truth, {truth, *equal})
-    out["gated"] = any(e["region"] or e["since"] is not None for e in report["effects"])
-    out["parameters"] = parameter_errors(effects, report["effects"]) if leader == truth else []
-    if out["stratum"] == "none":
-        quiet = verdict == "none"
-        return out | {"verdict_right": quiet, "right": quiet, "false_alarm": _alarm(report)}
-    out["verdict_right"] = verdict == "named" or (verdict == "ambiguous" and bool(equal))
-    right = verdict in ("named", "ambiguous") and _right(out["stratum"], report, truth, {truth, *equal})
-    out["right"] = bool(right and not out["gated"])
-    return out
+    return out | {"fit": held_out_fit(answer, report)}
 
 
 def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
@@ -124,23 +112,17 @@ def score_rough(answer: Answer, report: Json | None, rivals: Sequence[Rival]) ->
     out = opened(answer, equal, explained=explained, verdicts=sorted(verdicts), main=len(truth))
     if report is None:
         return out | failed(found=0.0, spurious=0, asserted=0, parameters=[])
-    headline, verdict, right_claims = headline_of(report["effects"]), str(report["verdict"]), {truth, *equal}
+    headline, right_claims = headline_of(report["effects"]), {truth, *equal}
     said = claims_of(headline)
     allowed = frozenset().union(*right_claims) | claims_of_nuisances(answer)
     spurious = [e for e in headline if identity(e) not in allowed]
     found = max(len(said & claims) / len(claims) for claims in right_claims)
     return out | {
-        "verdict": verdict,
-        "said": listed(said),
         "said_explained": said_share(report),
         "found": found,
-        **spurious_of(spurious),
         "asserted": sum(map(asserted, spurious)),
-        "verdict_right": verdict in verdicts,
-        "leading_right": found == 1.0,
-        "families_right": {f for f, _ in said} >= {f for f, _ in truth},
         "parameters": parameter_errors(answer.content["effects"], headline),
-        "right": bool(verdict in verdicts and found == 1.0 and not spurious),
+        **told_of(report, said, truth, list(verdicts), spurious, found == 1.0),
     }
 
 
@@ -155,23 +137,6 @@ def held_out_fit(answer: Answer, report: Json) -> dict[str, dict[str, float]]:
         best = max(float(np.sqrt(np.mean(own[:, rates.index(rate)] ** 2))), 1e-12)
         out[rate] = {kind: float(errors[kind]) / best for kind in kinds if errors.get(kind) is not None}
     return out
-
-
-def _said(report: Json, truth: Claim, right_claims: set[Claim]) -> dict[str, Any]:
-    """What the leader and the others claim, and what of it is right."""
-    leader, families = claims_of(report["effects"]), {families_of(c) for c in right_claims}
-    return {
-        "verdict": str(report["verdict"]),
-        "said": listed(leader),
-        "alternatives": sorted(listed(claims_of(a["effects"])) for a in report["alternatives"]),
-        "leading_right": leader in right_claims and bool(leader),
-        "families_right": families_of(leader) in families and bool(leader),
-        "found": len(leader & truth),
-    }
-
-
-def _alarm(report: Json) -> bool:
-    return report["verdict"] in ("named", "ambiguous", "partial") or bool(report["effects"])
 
 
 def _right(stratum: str, report: Json, truth: Claim, right_claims: set[Claim]) -> bool:
@@ -203,7 +168,7 @@ def _outside(report: Json, equivalent: Claim) -> dict[str, Any]:
     a headline effect that is in no listed equivalent.
     """
     headline = headline_of(report["effects"])
-    nearest = bool(headline) and all(map(approximate, headline))
+    nearest = bool(headline) and all(e.get("form") == "approximate" for e in headline)
     wrong = any(asserted(e) for e in headline if identity(e) not in equivalent)
     return {"said_so": report["verdict"] in ("unknown", "partial") or nearest, "named_wrong": wrong}
 

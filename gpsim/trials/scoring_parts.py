@@ -46,6 +46,7 @@ from gpsim.trials.claims import (
     parameter_errors,
     said_share,
     spurious_of,
+    told_of,
     words_of,
 )
 from gpsim.trials.judged import MachineListing, Seen, WholeListing
@@ -118,7 +119,7 @@ def score_machine(answer: Answer, report: Json | None, listing: MachineListing |
         untold = [_of_effect(e, s, False) for e, s in pairs]
         nothing = {"told": 0, "spurious": 0, "parameters": [], "rollouts": None, "black_box": None}
         return out | failed(effects_told=untold, **nothing)
-    said, verdict = claims_of(report["effects"]), str(report["verdict"])
+    said = claims_of(report["effects"])
     # The leader as a whole may be an equivalent of the truth, in other words than its own.
     whole = bool(listing.equivalent and listing.equivalent[0]) and said != truth
     places = set(listing.stands.values())
@@ -127,29 +128,22 @@ def score_machine(answer: Answer, report: Json | None, listing: MachineListing |
     spurious = [] if whole else [e for e in report["effects"] if identity(e) not in allowed]
     counting = [t for t in told if t["counts"]]
     equivalents = whole or bool(listing.stands) or any(listing.equivalent[1:])
-    verdicts, every = rough_verdicts(explained, equivalents), all(t["told"] for t in counting)
     # Sizes of the effects that count and were told by their own names; of two that changed places neither.
     names = {(t["family"], t["on"]) for t in counting}
     values = [e for e in listing.values if not whole and (e["family"], e["on"]) in names]
     sizes = parameter_errors(values, report["effects"])
+    every, verdicts = all(t["told"] for t in counting), sorted(rough_verdicts(explained, equivalents))
     return out | {
         "identifiable": not equivalents,
         "equivalents": [listed((truth - places) | set(listing.stands))] if listing.stands else [],
-        "verdicts": sorted(verdicts),
-        "verdict": verdict,
-        "said": listed(said),
         "said_explained": said_share(report),
         "effects_told": told,
         "told": sum(t["told"] for t in counting),
-        **spurious_of(spurious),
         "spurious_headline": len(headline_of(spurious)),
-        "verdict_right": verdict in verdicts,
-        "leading_right": every,
-        "families_right": {f for f, _ in said} >= {t["family"] for t in counting},
         "parameters": [p | {"sized": bool(p["covered"] or p["error_of_effect"] <= WITHIN)} for p in sizes],
         "rollouts": max(listing.rollouts.values(), default=None),
         "black_box": black_box(report["fit"]["rollout"]),
-        "right": bool(verdict in verdicts and every and not spurious),
+        **told_of(report, said, frozenset(names), verdicts, spurious, every),
     }
 
 
@@ -212,11 +206,8 @@ def score_whole(answer: Answer, report: Json | None, listing: WholeListing | Non
     rows: every row of the robot, whether it counts, what was said of it, whether that is right; bodies: the same of
     bodies, and by what; spurious: headline effects that are not there.
     """
-    effects, truth, layout = (
-        answer.content["effects"],
-        frozenset(answer.claims),
-        layout_of(answer.world.system),
-    )
+    effects, truth = answer.content["effects"], frozenset(answer.claims)
+    layout = layout_of(answer.world.system)
     out = opened(answer, servos=bool(layout.servos), verdicts=["named"])
     rows_of = [e for e in effects if e["family"] in ROWS]
     bodies_of = [e for e in effects if of_body(*identity(e))]
@@ -236,23 +227,15 @@ def score_whole(answer: Answer, report: Json | None, listing: WholeListing | Non
         and not (alike and of_body(*identity(e)))
         and not is_combined(e, truth, combined)
     ]
-    verdict, names = str(report["verdict"]), claims_of(report["effects"])
-    verdicts = ["ambiguous", "named"] if combined else ["named"]
     every = all(part["right"] for part in (*rows, *bodies) if part["counts"])
+    verdicts = ["ambiguous", "named"] if combined else ["named"]
     return out | {
-        "verdicts": verdicts,
-        "verdict": verdict,
-        "said": listed(names),
         "rows": rows,
         "bodies": bodies,
         "bodies_off": listing.bodies_off,
-        **spurious_of(spurious),
-        "verdict_right": verdict in verdicts,
-        "leading_right": every,
-        "families_right": {f for f, _ in names} >= {f for f, _ in truth},
         "parameters": parameter_errors(effects, report["effects"]),
         "rollouts": max(listing.rollouts.values(), default=None),
-        "right": bool(verdict in verdicts and every and not spurious),
+        **told_of(report, claims_of(report["effects"]), truth, verdicts, spurious, every),
     }
 
 
@@ -341,23 +324,20 @@ def score_afloat(answer: Answer, report: Json | None, rollouts: Mapping[str, flo
         wrong = sum(p["counts"] and not p["right"] for p in parts) + len(more)
         judged.append((wrong, len(judged), alike, parts, more))
     least, _, effects, parts, spurious = min(judged, key=lambda j: j[:2])
-    verdict, names, every = str(report["verdict"]), claims_of(said), least == 0
+    every, quiet = least == 0, report["verdict"] == "none"
     if truth and combined:
         wanted = ["ambiguous", *wanted]
-    return out | {
-        "verdicts": wanted,
-        "verdict": verdict,
-        "said": listed(names),
-        "parts": parts,
-        **spurious_of(spurious),
-        "verdict_right": verdict in wanted,
-        "false_alarm": not truth and verdict != "none",
-        "leading_right": every,
-        "families_right": {f for f, _ in names} >= {f for f, _ in truth},
-        "parameters": parameter_errors(effects, list(told.values())),
-        "rollouts": max((rollouts or {}).values(), default=None),
-        "right": every if truth else verdict == "none",
-    }
+    return (
+        out
+        | told_of(report, claims_of(said), truth, wanted, spurious, every)
+        | {
+            "parts": parts,
+            "false_alarm": not truth and not quiet,
+            "parameters": parameter_errors(effects, list(told.values())),
+            "rollouts": max((rollouts or {}).values(), default=None),
+            "right": every if truth else quiet,
+        }
+    )
 
 
 def _alike(effects: Sequence[Json], system: str) -> list[Sequence[Json]]:

@@ -14,17 +14,14 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
-from gpsim.trials import catalogue, outside, outside_kind
+from gpsim.trials import catalogue, outside
 from gpsim.trials.bodies import HIDDEN, HIDDEN_TWISTS, Body, Moving, MujocoBody, Now, Vehicle
 from gpsim.trials.driving import Driving, drive, starts
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, Values, World, dynamics
 
 SENSORS = catalogue.SENSORS
-REMEMBERING = outside.at_site(outside_kind.SensorWithMemory)
-DISTORTING = outside.at_site(outside_kind.Distortion)
-ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = {
-    **catalogue.ACTUATORS, **outside.at_site(outside_kind.Actuator)
-}  # fmt: skip
+REMEMBERING, DISTORTING = outside.at_site("memory"), outside.at_site("distortion")
+ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = catalogue.acting(outside.LAWS)
 LAST_HIDDEN = (*catalogue.BRISTLES, *catalogue.COUPLINGS)
 HIDDEN_STATES = dict.fromkeys((*HIDDEN, *LAST_HIDDEN), 2) | dict.fromkeys(HIDDEN_TWISTS, 1)
 """Kinds that remember in the body, and how many columns that takes."""
@@ -46,17 +43,15 @@ def sense(
         column = names.index(effect.on)
         back = max(index - round(effect.values["delay"] / h), 0)
         now[:, column] = past[back, :, column]
-    for effect in (e for e in effects if e.family in REMEMBERING):
-        column = names.index(effect.on)
-        now[:, column] = REMEMBERING[effect.family](effect.values).read(past[: index + 1, :, column], h)
-    for effect in (e for e in effects if e.family in catalogue.PAST_SENSORS):
-        column, law = names.index(effect.on), catalogue.PAST_SENSORS[effect.family]
-        now[:, column] = law(effect.values, past[: index + 1, :, column], h)
+    for laws in (REMEMBERING, catalogue.PAST_SENSORS):
+        for effect in (e for e in effects if e.family in laws):
+            column = names.index(effect.on)
+            now[:, column] = laws[effect.family](effect.values, past[: index + 1, :, column], h)
     for effect in ordered:
         catalogue.read(effect, names, now)
     for effect in (e for e in effects if e.family in DISTORTING):
         part = slice(0, 2) if effect.on == "pose" else names.index(effect.on)
-        now[:, part] = DISTORTING[effect.family](effect.values).read(now[:, part])
+        now[:, part] = DISTORTING[effect.family](effect.values, now[:, part])
     return np.asarray(now)
 
 
