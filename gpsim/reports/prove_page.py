@@ -63,19 +63,12 @@ def beside(content: Json) -> list[str]:
 def confusion_sheet(content: Json) -> Sheet:
     """True family against what was said, worlds with at most one effect; `unknown` asserts no name."""
     said = sorted({name for counts in content["confusion"].values() for name in counts})
-    rows = (
-        (
-            truth,
-            *(
-                Cell(
-                    str(counts.get(n, "")),
-                    marked=bool(counts.get(n)) and n not in (truth, "unknown", EQUIVALENT),
-                )
-                for n in said
-            ),
-        )
-        for truth, counts in content["confusion"].items()
-    )
+
+    def cells(truth: str, counts: Json) -> list[Cell]:
+        right = (truth, "unknown", EQUIVALENT)
+        return [Cell(str(counts.get(n, "")), marked=bool(counts.get(n)) and n not in right) for n in said]
+
+    rows = ((truth, *cells(truth, counts)) for truth, counts in content["confusion"].items())
     return sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), rows)
 
 
@@ -88,20 +81,23 @@ def _miss(s: Json) -> dict[str, str]:
     def claims(effects: Sequence[Sequence[str]]) -> str:
         return " + ".join(f"{family} on {on}" for family, on in effects)
 
+    def size(part: Json) -> str:
+        if "told" not in part:
+            return "(body)"
+        return f"{part['value']:.4g} for {part['true']:.4g}" if part["told"] else "(not told)"
+
     velocities = s["velocities"]
     if not velocities:
         velocities = "positions only" if "robot" in s or s["stratum"] == "whole" else "pose only"
     world = f"{s['system']}, {s['noise_level']} noise, {velocities}, {s['excitation']}"
-    world += ("" if s["visible"] else ", not visible") + (
-        f", {', '.join(s['defects'])}" if s["defects"] else ""
-    )
+    world += ", ".join(["" if s["visible"] else ", not visible", *s["defects"]])
     # Of a rough world and a machine: the verdict called for, and what their own effects explain.
     called = f"{' or '.join(s['verdicts'])} (explained {s['explained']:.2f}): " if "explained" in s else ""
     share = s.get("said_explained")
     said = f"{s['verdict']}{'' if share is None else f' ({share:.2f})'}: {claims(s['said']) or 'nothing'}"
     # Of a whole robot, and of what floats, the rows, bodies and effects that are wrong.
     parts = [part for kind in ("rows", "bodies", "parts") for part in s.get(kind, ())]
-    wrong = [f"{p['family']} on {p['on']} {_size(p)}" for p in parts if p["counts"] > p["right"]]
+    wrong = [f"{p['family']} on {p['on']} {size(p)}" for p in parts if p["counts"] > p["right"]]
     return {
         "trial": str(s["trial"]),
         "stratum": str(s["stratum"]),
@@ -111,12 +107,6 @@ def _miss(s: Json) -> dict[str, str]:
         "equivalents": "; ".join(claims(c) for c in s["equivalents"]),
         "error": str(s["error"] or ""),
     }
-
-
-def _size(part: Json) -> str:
-    if "told" not in part:
-        return "(body)"
-    return f"{part['value']:.4g} for {part['true']:.4g}" if part["told"] else "(not told)"
 
 
 def _true_effect(effect: Json) -> str:
@@ -143,14 +133,11 @@ def record_sheets(content: Json) -> list[Sheet]:
         return [_told(table) for table in content["tables"]]
     misses = [
         row(
-            m["trial"],
-            f"{m['stratum']}: {m['world']}",
-            m["truth"],
-            f"{m['said']} {m['error']}".strip(),
+            m["trial"], f"{m['stratum']}: {m['world']}", m["truth"], f"{m['said']} {m['error']}".strip(),
             m["equivalents"],
         )
         for m in content.get("every_miss", ())  # proofs of earlier versions list the trials alone
-    ]
+    ]  # fmt: skip
     columns = ("trial", "world", "truth", "said", "listed equivalents")
     every = Sheet("Every miss", columns, tuple(misses), labels=len(columns))
     return [sheet for sheet in (*proof_sheets(content), every) if sheet.rows]

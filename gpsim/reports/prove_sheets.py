@@ -20,27 +20,17 @@ INTERVAL = "95 %"
 SIZES = ("single", "pair", "triple")
 FAILED = (*SIZES, "none", "unknown")
 COUNTED = {
-    "single": "right",
-    "pair": "right",
-    "triple": "right",
-    "location": "right",
-    "none": "false_alarms",
-    "unknown": "said_so",
-    "undecided": "count",
-    "fit": "within",
-}
+    **dict.fromkeys((*SIZES, "location"), "right"),
+    "none": "false_alarms", "unknown": "said_so", "undecided": "count", "fit": "within",
+}  # fmt: skip
 ROBOTS_COUNTED = {
-    "single_right": ("singles_right", "singles"),
-    "pair_right": ("pairs_right", "pairs"),
+    "single_right": ("singles_right", "singles"), "pair_right": ("pairs_right", "pairs"),
     "false_alarms": ("alarms", "nulls"),
-}
+}  # fmt: skip
 MACHINES_COUNTED = {
-    "told": "counting",
-    "sized": "parameters",
-    "coverage_90": "parameters",
-    "rollouts_within": "rollouts_within_of",
+    "told": "counting", "sized": "parameters", "coverage_90": "parameters", "rollouts_within": "rollouts_within_of",
     "black_box_better": "black_box_better_of",
-}
+}  # fmt: skip
 """Figure -> of how many it is a share, where that is not the number of machines."""
 RIVALS = {
     "before": "base as it is",
@@ -94,17 +84,9 @@ def _cells(said: str, b: Json) -> tuple[str, ...]:
     return (alone[kind](b[key]),)
 
 
-def _groups() -> Mapping[str, Json]:
-    text = (
-        resources.files("gpsim.reports")
-        .joinpath("templates", "prove_groups.yaml")
-        .read_text(encoding="utf-8")
-    )
-    found: Mapping[str, Json] = parse_yaml(text)
-    return found
-
-
-GROUPS = _groups()
+GROUPS: Mapping[str, Json] = parse_yaml(
+    resources.files("gpsim.reports").joinpath("templates", "prove_groups.yaml").read_text(encoding="utf-8")
+)
 WITH_INTERVAL = ("share", "mean", "of")  # kinds of columns
 
 
@@ -112,34 +94,26 @@ def proof_sheets(content: Json) -> list[Sheet]:
     """Goals, what stands beside them, rivals, strata, families and kinds."""
     first = (goals_sheet, shares_sheet, medians_sheet, rivals_sheet, namers_sheet)
     return [
-        *(make(content) for make in first),
-        *(made for make in (group_sheets, plan_sheets, strata_sheets) for made in make(content)),
-        *(make(content) for make in (families_sheet, kinds_sheet)),
-    ]
+        *(make(content) for make in first), *group_sheets(content), plan_sheet(content), *strata_sheets(content),
+        families_sheet(content), kinds_sheet(content),
+    ]  # fmt: skip
 
 
 def terminal_sheets(content: Json) -> list[Sheet]:
-    """Those that a terminal shows: of the rough worlds what was said where what was called for."""
-    sheets = [
-        goals_sheet(content),
-        *brief_sheets(content),
-        *plan_sheets(content),
-        rivals_sheet(content),
-        namers_sheet(content),
-    ]
-    return [made for made in sheets if made.rows]
+    """Those that a terminal shows: of the rough worlds what was said where what was called for.
+
+    Of the groups verdicts, figures of robots and curves, of machines by class.
+    """
+    parts = {part: list(_part_sheets(part, content[part])) for part in GROUPS if content.get(part)}
+    shown = {part: slice(1) for part in GROUPS} | {"rough": slice(-2, -1), "machines": slice(2)}
+    brief = [made for part, sheets in parts.items() for made in sheets[shown[part]]]
+    others = (plan_sheet(content), rivals_sheet(content), namers_sheet(content))
+    return [made for made in (goals_sheet(content), *brief, *others) if made.rows]
 
 
 def group_sheets(content: Json) -> list[Sheet]:
     """The tables of every group of which a world was revealed."""
     return [made for part in GROUPS if content.get(part) for made in _part_sheets(part, content[part])]
-
-
-def brief_sheets(content: Json) -> list[Sheet]:
-    """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
-    parts = {part: list(_part_sheets(part, content[part])) for part in GROUPS if content.get(part)}
-    shown = {part: slice(1) for part in GROUPS} | {"rough": slice(-2, -1), "machines": slice(2)}
-    return [made for part, sheets in parts.items() for made in sheets[shown[part]]]
 
 
 def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
@@ -172,35 +146,26 @@ def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
 
 def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
     """What was said (columns) where what was called for (rows)."""
-    rows = (
-        (
-            Cell(wanted),
-            *(
-                Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in wanted.split(" or "))
-                for v in VERDICTS
-            ),
-        )
-        for wanted, said in verdicts.items()
-    )
+
+    def cells(wanted: str, said: Json) -> list[Cell]:
+        right = wanted.split(" or ")
+        return [Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in right) for v in VERDICTS]
+
+    rows = ((Cell(wanted), *cells(wanted, said)) for wanted, said in verdicts.items())
     return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
 
 
 def _figures(group: Json, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
-    columns = group["columns"]
-    heads = [
-        h for head, said in columns.items() for h in (head, INTERVAL)[: 1 + said.startswith(WITH_INTERVAL)]
-    ]
-    rows = (
-        (n, *(c for said in columns.values() for c in _cells(said, block))) for n, block in blocks.items()
-    )
+    said = group["columns"].items()
+    heads = [h for head, how in said for h in (head, INTERVAL)[: 1 + how.startswith(WITH_INTERVAL)]]
+    rows = ((n, *(c for _, how in said for c in _cells(how, block))) for n, block in blocks.items())
     return sheet(title, ("", *heads), rows, note=note)
 
 
 def _families(title: str, counted: str, with_intervals: bool, families: Mapping[str, Json]) -> Sheet:
     more = [INTERVAL] * with_intervals
-    rows = (
-        (n, f"{f[counted]}/{f['n']}", *(_bounds(f["interval"]) for _ in more)) for n, f in families.items()
-    )
+    told = families.items()
+    rows = ((n, f"{f[counted]}/{f['n']}", *(_bounds(f["interval"]) for _ in more)) for n, f in told)
     return sheet(title, ("", counted, *more), rows)
 
 
@@ -254,17 +219,16 @@ def shares_sheet(content: Json) -> Sheet:
         "location: gates right": location.get("gate_right"),
     }
     failed = [f"{name} {content[name]['failed']}" for name in FAILED if content.get(name, {}).get("failed")]
-    return sheet(
-        "Part by part, on the same worlds",
-        ("", "share", INTERVAL, "count"),
-        (
-            (label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
-            for label, part in parts.items()
-            if part
-        ),
-        note=f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, and are left out of the shares "
-        "of which less is better: false alarms, wrong names, undecided worlds",
+    rows = (
+        (label, significant(p["share"]), _within(p["interval"]), f"{p['right']}/{p['n']}")
+        for label, p in parts.items()
+        if p
     )
+    note = (
+        f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, and are left out of the shares "
+        "of which less is better: false alarms, wrong names, undecided worlds"
+    )
+    return sheet("Part by part, on the same worlds", ("", "share", INTERVAL, "count"), rows, note=note)
 
 
 def medians_sheet(content: Json) -> Sheet:
@@ -306,28 +270,24 @@ def rivals_sheet(content: Json) -> Sheet:
     )
 
 
-def plan_sheets(content: Json) -> list[Sheet]:
-    """What each excitation decides, of the worlds that any decides."""
-    plans = content.get("plans")
-    if not plans:
-        return []
-    rows = (
+def plan_sheet(content: Json) -> Sheet:
+    """What each excitation decides, of the worlds that any decides; no rows where there are no such worlds."""
+    plans, note = content.get("plans") or {"kinds": {}}, ""
+    rows = [
         (
-            kind,
-            f"{k['resolved']}/{k['n']}",
-            _within(k["interval"]),
-            significant(k["median_seconds"]),
+            kind, f"{k['resolved']}/{k['n']}", _within(k["interval"]), significant(k["median_seconds"]),
             str(k["left"]),
         )
         for kind, k in plans["kinds"].items()
-    )
-    note = (
-        f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations of "
-        f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted to "
-        "both, the right one ahead by odds above ten"
-    )
+    ]  # fmt: skip
+    if rows:
+        note = (
+            f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations "
+            f"of {plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations "
+            "fitted to both, the right one ahead by odds above ten"
+        )
     columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
-    return [sheet("The next recording", columns, rows, note=note)]
+    return sheet("The next recording", columns, rows, note=note)
 
 
 def namers_sheet(content: Json) -> Sheet:
@@ -350,6 +310,7 @@ STRATUM = (
     "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
     "coverage %", "fit within 1.1", "seconds",
 )  # fmt: skip
+COUNTS = {**dict.fromkeys(SIZES, "right"), "none": "false_alarms", "unknown": "said_so", "location": "right"}
 
 
 def strata_sheets(content: Json) -> list[Sheet]:
@@ -370,12 +331,10 @@ def _stratum(name: str, block: Json) -> tuple[str, ...]:
         found = block.get(part)
         return MISSING if found is None else f"{found[key]}/{found['n']}"
 
-    counts = [(size, "right") for size in SIZES]
-    counts += [("none", "false_alarms"), ("unknown", "said_so"), ("location", "right")]
     parameters = block.get("parameters") or {}
     return (
         name,
-        *(count(part, key) for part, key in counts),
+        *(count(part, key) for part, key in COUNTS.items()),
         *(_percent(parameters.get(key)) for key in ("median_relative_error", "coverage_90")),
         count("fit", "within"),
         fixed(block.get("seconds", {}).get("median")),

@@ -18,7 +18,8 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.trials import robots
 from gpsim.trials.drawing import box_of, draw, draw_plan, slow_waves
-from gpsim.trials.driving import Played, sound
+from gpsim.trials.driving import played as by_commands
+from gpsim.trials.driving import sound
 from gpsim.trials.machines import ARM, counts, draw_machine, kind_of
 from gpsim.trials.outside_curves import true_curve
 from gpsim.trials.rough import draw_rough, within
@@ -178,25 +179,25 @@ def _rough(seed: int, number: int, attempt: int) -> Concealed | None:
         "explained": found.explained(world.main),
         "main": [vars(share) for share in main],
         "nuisances": nuisances,
-        **_share_facts(world, found),
-        **_log_facts(world, log.counts),
+        **_facts(world, log.counts, found),
     }
     known = {n: sd for n, sd in ran.even.noise.items() if n in found.seen}
     recording = replace(log.recording, velocities=world.velocities, noise=known)
     return Concealed(world, (recording,), ran.clean, _errors(world, steps), one_step=steps, rough=decides)
 
 
-def _share_facts(world: World, shares: Shares) -> dict[str, Any]:
+def _facts(world: World, rows: Mapping[str, int], shares: Shares | None = None) -> dict[str, Any]:
     """What decides: the channels that stand out of the noise, and what the main effects leave of the mismatch there.
 
-    left: root mean square over rollouts of a second.
+    left: root mean square over rollouts of a second; of an arm nothing but its own effects is missing. And what is
+    wrong with the log, and how many of its rows have which defect.
     """
-    channels = [name for name, counts in zip(shares.seen, shares.counts, strict=True) if counts]
-    return {"channels": channels, "left": shares.left(world.main)}
+    seen = [] if shares is None else list(zip(shares.seen, shares.counts, strict=True))
+    left = {} if shares is None else shares.left(world.main)
+    return {"channels": [name for name, counts in seen if counts], "left": left, **_log_facts(world, rows)}
 
 
 def _log_facts(world: World, rows: Mapping[str, int]) -> dict[str, Any]:
-    """What is wrong with a log, and how many of its rows have which defect."""
     return {"defects": list(world.rough.defects if world.rough else ()), "rows": dict(rows)}
 
 
@@ -227,7 +228,7 @@ def _machine(seed: int, number: int, attempt: int) -> Concealed | None:
     logs = [logged(r.world, r.world.rough or Rough(), r.even) for r in ran]
     beyond = [min(shares.beyond(e), FAR) for e in first.world.effects]
     explained = shares.explained(first.world.main)
-    facts = {"explained": explained, **_share_facts(first.world, shares), **_log_facts(world, logs[0].counts)}
+    facts = {"explained": explained, **_facts(first.world, logs[0].counts, shares)}
     return Concealed(
         world,
         tuple(_as_kept(r, log.recording) for r, log in zip(ran, logs, strict=True)),
@@ -259,7 +260,7 @@ def _as_kept(ran: _Ran, recording: Recording) -> Recording:
 def _plan(seed: int, number: int, attempt: int) -> Concealed:
     """Recorded under slow waves."""
     world = draw_plan(seed, number)
-    truth = run(world, world.effects, FINE, Played(slow_waves(world)[:, None]))
+    truth = run(world, world.effects, FINE, by_commands(slow_waves(world)[:, None]))
     recording, clean = (even_recording(world, r, truth, _whole(world)) for r in (truth.measured, truth.clean))
     limits = {"minutes": MINUTES, "box": box_of(world)}
     return Concealed(world, (recording,), clean, {"plan": limits}, limits=limits)
@@ -268,7 +269,7 @@ def _plan(seed: int, number: int, attempt: int) -> Concealed:
 def played(world: World, commands: FloatArray, box: Mapping[str, Any]) -> tuple[Recording, IntArray]:
     """The machine under commands (K, E, A), each from rest: an episode each; and (E,) steps until it left the box."""
     later = replace(world, steps=len(commands), episodes=commands.shape[1], session=1)
-    truth = run(later, world.effects, FINE, Played(commands))
+    truth = run(later, world.effects, FINE, by_commands(commands))
     low, high = np.array([box[name] for name in SYSTEMS[world.system].names]).T
     outside = ((truth.sampled < low) | (truth.sampled > high)).any(axis=2)
     left = np.where(outside.any(axis=0), np.argmax(outside, axis=0), len(commands))
@@ -280,14 +281,22 @@ def _whole(world: World) -> FloatArray:
 
 
 def _robot(seed: int, number: int, attempt: int) -> Concealed | None:
-    """One or two effects, each of which shows."""
-    world = robots.draw_robot(seed, number, attempt)
-    truth = robots.run(world, world.effects)
-    kept = long_enough(robots.sound(world, truth), ROBOTS_SHORTEST, FEWEST)
-    if kept is None or min(seen := robots.shown(world, truth, kept), default=robots.SHOWS) < robots.SHOWS:
+    """One or two effects, or what floats or stands; each effect shows."""
+    if numbered(number)[0] == "afloat":
+        world = robots.draw_afloat(seed, number, attempt)
+        truth = robots.run_afloat(world)
+        ends, shown = robots.kept_afloat(truth), robots.shown_afloat
+    else:
+        world = robots.draw_robot(seed, number, attempt)
+        truth = robots.run(world, world.effects)
+        ends, shown = robots.sound(world, truth), robots.shown
+    kept = long_enough(ends, ROBOTS_SHORTEST, FEWEST)
+    if kept is None or min(seen := shown(world, truth, kept), default=robots.SHOWS) < robots.SHOWS:
         return None
     effects = [{"rollout": round(min(size, FAR), 3), "visible": True} for size in seen]
-    return _of_robot(world, truth, kept, effects, lambda recording: {"robot": recording.model})
+    model, falls = robots.robot_of(world.system).file, int(np.sum(ends < world.steps + 1))
+    beside = {"afloat": {"model": model, "falls": falls}} if world.stratum == "afloat" else {"robot": model}
+    return _of_robot(world, truth, kept, effects, beside)
 
 
 def _whole_robot(seed: int, number: int, attempt: int) -> Concealed | None:
@@ -300,23 +309,9 @@ def _whole_robot(seed: int, number: int, attempt: int) -> Concealed | None:
     shares = robots.shares_of(world, robots.motion_of(world, truth, kept))
     effects = [{"share": None if s is None else round(s, 6), "visible": True} for s in shares]
     facts = _log_facts(world, {name: count for name, count in log.counts.items() if count})
-    found = _of_robot(world, truth, kept, effects, lambda r: {"whole": {"model": r.model, **facts}})
+    beside = {"whole": {"model": log.recording.model, **facts}}
+    found = _of_robot(world, truth, kept, effects, beside)
     return replace(found, recordings=(log.recording,))
-
-
-def _afloat(seed: int, number: int, attempt: int) -> Concealed | None:
-    world = robots.draw_afloat(seed, number, attempt)
-    truth = robots.run_afloat(world)
-    ends = robots.kept_afloat(truth)
-    kept = long_enough(ends, ROBOTS_SHORTEST, FEWEST)
-    if (
-        kept is None
-        or min(seen := robots.shown_afloat(world, truth, kept), default=robots.SHOWS) < robots.SHOWS
-    ):
-        return None
-    effects = [{"rollout": round(min(size, FAR), 3), "visible": True} for size in seen]
-    falls = int(np.sum(ends < world.steps + 1))
-    return _of_robot(world, truth, kept, effects, lambda r: {"afloat": {"model": r.model, "falls": falls}})
 
 
 def _arm(seed: int, number: int, attempt: int) -> Concealed | None:
@@ -329,29 +324,25 @@ def _arm(seed: int, number: int, attempt: int) -> Concealed | None:
     seen = robots.shown(world, truth, kept)
     if sum(beyond >= robots.SHOWS for beyond in seen) < ARMS_FEWEST:
         return None
-    # Nothing but its own effects is missing.
-    facts = {"explained": 1.0, "channels": [], "left": {}, **_log_facts(world, {})}
+    facts = {"explained": 1.0, **_facts(world, {})}
     effects = [{"share": None, "beyond": min(beyond, FAR)} for beyond in seen]
-    return _of_robot(world, truth, kept, effects, lambda recording: {"machine": facts})
+    return _of_robot(world, truth, kept, effects, {"machine": facts})
 
 
 def _of_robot(
-    world: World, truth: Run, kept: FloatArray, effects: list[dict[str, Any]],
-    beside: Callable[[Recording], dict[str, Any]],
-) -> Concealed:  # fmt: skip
+    world: World, truth: Run, kept: FloatArray, effects: list[dict[str, Any]], beside: Json
+) -> Concealed:
     recording, clean = (robots.recorded(world, read, truth, kept) for read in (truth.measured, truth.clean))
-    files = robots.files_of(world.system)
-    return Concealed(world, (recording,), clean, beside(recording), effects, files=files)
+    return Concealed(world, (recording,), clean, beside, effects, files=robots.files_of(world.system))
 
 
 KINDS: Mapping[str, tuple[Callable[[int, int, int], Concealed | None], int]] = {
     **dict.fromkeys(("plain", "words", "curves"), (_plain, 6)),
     "rough": (_rough, 60),
-    "robots": (_robot, 24),
+    **dict.fromkeys(("robots", "afloat"), (_robot, 24)),
     "machines": (_machine, 80),
     "whole": (_whole_robot, 24),
     "plans": (_plan, 1),
-    "afloat": (_afloat, 24),
 }
 """Kind of worlds -> how one is made by an attempt, and after how many attempts there is none."""
 NOTHING = {"rough": "no rough world could be made", "machines": "no machine could be made"}

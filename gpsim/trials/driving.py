@@ -6,8 +6,7 @@ multisines are those of robots (Swevers et al. 1997).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable
 
 import numpy as np
 
@@ -44,12 +43,8 @@ UPRIGHT = 0.4  # of that, with a pole to balance
 SLOWEST_TURN = 0.3  # of a vehicle's full speed
 
 
-class Driving(Protocol):
-    """Whatever drives a world."""
-
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A) what is commanded from sample k to k + 1, given the readings (E, S)."""
-        ...
+Driving = Callable[[int, FloatArray], FloatArray]
+"""Whatever drives a world: (E, A) what is commanded from sample k to k + 1, given k and the readings (E, S)."""
 
 
 def drive(world: World) -> Driving:
@@ -65,12 +60,14 @@ def drive(world: World) -> Driving:
     signal = _signal(world.excitation, shape, world.dt, rng, system.vehicle)
     if system.vehicle:
         scale = np.array([rng.uniform(0.5, 1.0), rng.uniform(0.7, 1.5)])
-        return Drive(signal, scale, scale, np.zeros((2, 3)), False, world.excitation == "controller")
+        if world.excitation == "controller":
+            return _steered(signal, scale)
+        return _played(scale * signal, np.zeros((2, 3)), scale)
     if world.excitation == FREE:
-        return Drive(0.0 * signal, np.zeros(1), np.zeros(1), np.zeros((1, len(system.state))), False, False)
+        return played(0.0 * signal)
     gains, share = _feedback(world, push)
     scale = np.array([push * share * rng.uniform(0.6, 1.0)])
-    return Drive(signal, scale, np.array([push]), gains, world.excitation == "bang_bang", False)
+    return _played(scale * signal, gains, np.array([push]), world.excitation == "bang_bang")
 
 
 def starts(world: World) -> FloatArray:
@@ -106,98 +103,68 @@ def sound(world: World, true: FloatArray) -> FloatArray:
     return np.where(bad.any(axis=0), np.argmax(bad, axis=0), len(true))
 
 
-@dataclass(frozen=True)
-class Drive:
-    """signal: (K, E, A) in [-1, 1]; command = clip(scale * signal + feedback), its sign alone for bang-bang."""
+def _clipped(values: FloatArray, limit: FloatArray | float) -> FloatArray:
+    return np.asarray(np.maximum(np.minimum(values, limit), -limit))
 
-    signal: FloatArray
-    scale: FloatArray  # (A,)
-    limit: FloatArray  # (A,)
-    gains: FloatArray  # (A, S)
-    switching: bool
-    towards: bool  # a vehicle that steers for goals
 
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A)."""
-        if self.towards:
-            return self._steered(k, measured)
-        wanted = self.scale * self.signal[k] + measured @ self.gains.T
-        if self.switching:
-            return np.asarray(self.limit * np.where(wanted >= 0, 1.0, -1.0))
-        return np.asarray(np.maximum(np.minimum(wanted, self.limit), -self.limit))
+def played(commands: FloatArray) -> Driving:
+    """Commands (K, E, A) that were written down."""
+    return lambda k, measured: commands[k]
 
-    def _steered(self, k: int, measured: FloatArray) -> FloatArray:
-        """Drive on a circle of 1 m about the origin, speed and turn rate dithered."""
+
+def _played(signal: FloatArray, gains: FloatArray, limit: FloatArray, switching: bool = False) -> Driving:
+    """A signal (K, E, A) and feedback by gains (A, S), clipped to the limit (A,); its sign alone for bang-bang."""
+
+    def command(k: int, measured: FloatArray) -> FloatArray:
+        wanted = signal[k] + measured @ gains.T
+        return np.asarray(limit * np.where(wanted >= 0, 1.0, -1.0)) if switching else _clipped(wanted, limit)
+
+    return command
+
+
+def _turned_to(wanted: FloatArray, yaw: FloatArray) -> FloatArray:
+    """(E,) rad by which a vehicle has to turn, the shorter way."""
+    return np.asarray((wanted - yaw + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _steered(signal: FloatArray, limit: FloatArray) -> Driving:
+    """Drive on a circle of 1 m about the origin, speed and turn rate dithered by a signal (K, E, 2) in [-1, 1]."""
+
+    def command(k: int, measured: FloatArray) -> FloatArray:
         x, y, yaw = measured.T
         wanted = np.arctan2(y, x) + np.pi / 2 + np.arctan2(np.hypot(x, y) - 1.0, 0.5)
-        error = (wanted - yaw + np.pi) % (2 * np.pi) - np.pi
-        turn = 1.5 * error + self.scale[1] * self.signal[k, :, 1]
-        v = self.scale[0] * (0.6 + 0.4 * self.signal[k, :, 0])
-        return np.stack([v, np.maximum(np.minimum(turn, self.limit[1]), -self.limit[1])], axis=1)
+        turn = 1.5 * _turned_to(wanted, yaw) + limit[1] * signal[k, :, 1]
+        v = limit[0] * (0.6 + 0.4 * signal[k, :, 0])
+        return np.stack([v, _clipped(turn, limit[1])], axis=1)
+
+    return command
 
 
-@dataclass(frozen=True)
-class Tracking:
-    """reference: (K, E, S) where the state should be; command = clip(gains (reference - readings) + dither)."""
+def _pursuing(carrot: FloatArray, dither: FloatArray, limit: FloatArray) -> Driving:
+    """A vehicle that drives for a carrot (K, E, 2) that moves, the slower the nearer it is; dither: (K, E, 2)."""
 
-    reference: FloatArray
-    gains: FloatArray  # (A, S)
-    dither: FloatArray  # (K, E, A)
-    limit: FloatArray  # (A,)
+    def command(k: int, measured: FloatArray) -> FloatArray:
+        away = carrot[k] - measured[:, :2]
+        error = _turned_to(np.arctan2(away[:, 1], away[:, 0]), measured[:, 2])
+        near = np.maximum(np.minimum(np.hypot(*away.T) + dither[k, :, 0], 1.0), SLOWEST_TURN)
+        turn = 1.5 * error + limit[1] * dither[k, :, 1]
+        return np.stack([limit[0] * near, _clipped(turn, limit[1])], axis=1)
 
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A)."""
-        wanted = (self.reference[k] - measured) @ self.gains.T + self.dither[k]
-        return np.asarray(np.maximum(np.minimum(wanted, self.limit), -self.limit))
+    return command
 
 
-@dataclass(frozen=True)
-class Pursuit:
-    """A vehicle that drives for a carrot (K, E, 2) that moves, the slower the nearer it is."""
+def _pid(reference: FloatArray, gains: FloatArray, integral: float, limit: float, dt: float) -> Driving:
+    """A PID controller: clip(kp e + kd e' + ki integral of e), e = reference (K, E, S) - reading; gains (S,)."""
+    summed = np.zeros(reference.shape[1])  # of the error over time
 
-    carrot: FloatArray
-    dither: FloatArray  # (K, E, 2)
-    limit: FloatArray  # (2,)
+    def command(k: int, measured: FloatArray) -> FloatArray:
+        error = reference[k] - measured
+        wanted = error @ gains + integral * summed
+        free = np.abs(wanted) < limit  # no winding up while it can do no more
+        summed[:] = summed + dt * np.where(free, error[:, 0], 0.0)
+        return np.asarray(np.clip(wanted, -limit, limit))[:, None]
 
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, 2) speed and turn rate, given the poses (E, 3)."""
-        away = self.carrot[k] - measured[:, :2]
-        error = (np.arctan2(away[:, 1], away[:, 0]) - measured[:, 2] + np.pi) % (2 * np.pi) - np.pi
-        near = np.maximum(np.minimum(np.hypot(*away.T) + self.dither[k, :, 0], 1.0), SLOWEST_TURN)
-        turn = 1.5 * error + self.limit[1] * self.dither[k, :, 1]
-        held = np.maximum(np.minimum(turn, self.limit[1]), -self.limit[1])
-        return np.stack([self.limit[0] * near, held], axis=1)
-
-
-@dataclass
-class Loop:
-    """A PID controller: command = clip(kp e + kd e' + ki integral of e), with e = reference - reading."""
-
-    reference: FloatArray  # (K, E, S)
-    gains: FloatArray  # (S,)
-    integral: float
-    limit: float
-    dt: float
-    summed: FloatArray  # (E,) of the error over time
-
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A)."""
-        error = self.reference[k] - measured
-        wanted = error @ self.gains + self.integral * self.summed
-        free = np.abs(wanted) < self.limit  # no winding up while it can do no more
-        self.summed = self.summed + self.dt * np.where(free, error[:, 0], 0.0)
-        return np.asarray(np.clip(wanted, -self.limit, self.limit))[:, None]
-
-
-@dataclass(frozen=True)
-class Played:
-    """Commands that were written down: (K, E, A)."""
-
-    commands: FloatArray
-
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A)."""
-        return np.asarray(self.commands[k])
+    return command
 
 
 def _push(world: World) -> float:
@@ -285,7 +252,7 @@ def _tracked(world: World, push: float) -> Driving:
     if system.vehicle:
         carrot = np.stack([_path(shape, world.dt, 0.12, rng) for _ in range(2)], axis=2)
         limit = np.array([rng.uniform(0.5, 1.0), rng.uniform(0.8, 1.5)])
-        return Pursuit(amplitude * carrot, dither, limit)
+        return _pursuing(amplitude * carrot, dither, limit)
     balancing = world.posture == "upright"
     if balancing:
         amplitude *= UPRIGHT
@@ -302,7 +269,8 @@ def _tracked(world: World, push: float) -> Driving:
         stiffness /= REACH[world.system] if world.system != "pendulum" else 1.0
         gains = np.zeros((1, len(system.state)))
         gains[0, :2] = stiffness, 2 * DAMPING_RATIO * np.sqrt(stiffness * inertia)
-    return Tracking(reference, gains, push * dither, np.array([push]))
+    dither = push * dither
+    return lambda k, measured: _clipped((reference[k] - measured) @ gains.T + dither[k], push)
 
 
 def _path(shape: tuple[int, int], dt: float, fastest: float, rng: Rng) -> FloatArray:
@@ -313,7 +281,7 @@ def _path(shape: tuple[int, int], dt: float, fastest: float, rng: Rng) -> FloatA
     return np.asarray(np.sin(2 * np.pi * frequency * t + phase).sum(axis=0) / 2.0)
 
 
-def _loop(world: World, push: float) -> Loop:
+def _loop(world: World, push: float) -> Driving:
     """The controller of a machine that tracks a reference as identification uses it."""
     rng, dt = world.generator(1), world.dt
     t: FloatArray = dt * np.arange(world.steps, dtype=np.float64)
@@ -331,7 +299,7 @@ def _loop(world: World, push: float) -> Loop:
     gains = np.zeros(reference.shape[2])
     gains[:2] = stiffness, 1.8 * inertia * bandwidth
     integral = stiffness * bandwidth / 6 if rng.random() < 0.5 else 0.0
-    return Loop(reference, gains, integral, push, dt, np.zeros(world.episodes))
+    return _pid(reference, gains, integral, push, dt)
 
 
 def _multisine(t: FloatArray, system: str, rng: Rng) -> FloatArray:

@@ -44,53 +44,39 @@ def _yes_or_no(name: str, yes: str = "yes", no: str = "no") -> Key:
 
 
 NOISE, EXCITATION = {"noise": _of("noise_level")}, {"excitation": _of("excitation")}
+NOISE_KNOWN = {"noise known": _yes_or_no("noise_known")}
 STRATA: Mapping[str, Mapping[str, Key]] = {
     "rough": {
-        "called for": lambda s: " or ".join(s["verdicts"]),
-        "main effects": lambda s: str(s["main"]),
-        "system": _of("system"),
-        "velocities": _of("velocities", "pose only"),
-        **NOISE,
-        **EXCITATION,
+        "called for": lambda s: " or ".join(s["verdicts"]), "main effects": lambda s: str(s["main"]),
+        "system": _of("system"), "velocities": _of("velocities", "pose only"), **NOISE, **EXCITATION,
     },
     "mjcf": {
-        "robot": _of("system"),
-        "velocities": _of("velocities", "positions only"),
-        **EXCITATION,
-        "strength": _of("strength", "nothing missing"),
-        "noise known": _yes_or_no("noise_known"),
+        "robot": _of("system"), "velocities": _of("velocities", "positions only"), **EXCITATION,
+        "strength": _of("strength", "nothing missing"), **NOISE_KNOWN,
     },
     "machines": {
-        "class": _of("kind"),
-        "recordings": lambda s: str(s["recordings"]),
-        "effects that count": lambda s: str(s["counting"]),
-        "velocities": _of("velocities", "none"),
-        **NOISE,
+        "class": _of("kind"), "recordings": lambda s: str(s["recordings"]),
+        "effects that count": lambda s: str(s["counting"]), "velocities": _of("velocities", "none"), **NOISE,
         **EXCITATION,
     },
     "whole": {
         "robot": lambda s: str(s["system"]).removesuffix(SERVOS),
         "driven by": _yes_or_no("servos", "position servos", "motors"),
         "read": _yes_or_no("velocities", "speeds, too", "positions in steps, rows lost"),
-        "bodies off": lambda s: str(len(s["bodies"])),
-        "noise known": _yes_or_no("noise_known"),
+        "bodies off": lambda s: str(len(s["bodies"])), **NOISE_KNOWN,
     },
     "afloat": {
         "robot": _of("system"),
         "effects": lambda s: str(
             len({p["family"] if p["family"] in TOGETHER else (p["family"], p["on"]) for p in s["parts"]})
         ),
-        "read": _yes_or_no("velocities", "pose and twist", "pose only"),
-        "noise known": _yes_or_no("noise_known"),
+        "read": _yes_or_no("velocities", "pose and twist", "pose only"), **NOISE_KNOWN,
     },
     "curves": {
-        "system": _of("system"),
-        "velocities": _of("velocities", "pose only"),
-        **NOISE,
-        "strength": _of("strength"),
+        "system": _of("system"), "velocities": _of("velocities", "pose only"), **NOISE, "strength": _of("strength"),
         **EXCITATION,
     },
-}
+}  # fmt: skip
 """Kind of worlds -> name of a stratum -> its value of a score."""
 
 
@@ -105,56 +91,49 @@ def _parameters(scores: Sequence[Score], figure: str, scaled: bool = False) -> l
     return [[p[figure] for p in world if p["has_scale"] or not scaled] for world in each]
 
 
-def _end(scores: Sequence[Score], last: Sequence[str] = ("right", "failed", "seconds")) -> dict[str, Any]:
-    """What every block ends with."""
+def _end(scores: Sequence[Score]) -> dict[str, Any]:
+    """What every block has."""
     seconds = [float(s["seconds"]) for s in scores]
-    found = {
+    return {
+        "n": len(scores),
         "right": sum(bool(s["right"]) for s in scores),
         "failed": len(scores) - len(answered(scores)),
         "seconds": {"median": float(np.median(seconds)), "max": max(seconds)} if seconds else None,
     }
-    return {name: found[name] for name in last}
 
 
 def _rough(scores: Sequence[Score]) -> dict[str, Any]:
     """Of rough worlds. Equivalents of another size count in proportion."""
     main, found = sum(s["main"] for s in scores), sum(s["found"] * s["main"] for s in scores)
     covered = flat(_parameters(scores, "covered"))
-    return {
-        "n": len(scores),
+    return _end(scores) | {
         "headline_found": found / main if main else None,
         "interval_headline_found": interval(round(found), main),
         **share("verdict_right", [s["verdict_right"] for s in scores]),
         **_spurious(scores),
         **share("coverage_90", covered),
         "spurious_asserted": mean("", [float(s["asserted"]) for s in answered(scores)])[""],
-        **_end(scores, ["right"]),
         "main": main,
         "parameters": len(covered),
         "median_relative_error": median_of(flat(_parameters(scores, "relative_error", scaled=True))),
-        **_end(scores, ["failed", "seconds"]),
     }
 
 
 def _robots(scores: Sequence[Score]) -> dict[str, Any]:
     """Of robots' worlds. A failed diagnosis of a world without effects is no alarm."""
-    out: dict[str, Any] = {"n": len(scores)}
+    out = _end(scores) | coverage(_parameters(scores, "covered"))
     for size in ("single", "pair"):
         found = rate([s["right"] for s in scores if s["stratum"] == size], "right")
         out |= {f"{size}s": found["n"], f"{size}s_right": found["right"], f"{size}_right": found["share"]}
         out[f"interval_{size}_right"] = found["interval"]
-    nothing = [s.get("false_alarm") for s in answered(scores) if s["stratum"] == "none"]
-    covered = _parameters(scores, "covered")
+    nothing = [bool(s.get("false_alarm")) for s in answered(scores) if s["stratum"] == "none"]
     return out | {
         "nulls": len(nothing),
-        "alarms": sum(map(bool, nothing)),
-        **share("false_alarms", [bool(alarm) for alarm in nothing]),
-        "parameters": len(flat(covered)),
+        "alarms": sum(nothing),
+        **share("false_alarms", nothing),
+        "parameters": len(flat(_parameters(scores, "covered"))),
         **median("median_relative_error", _parameters(scores, "relative_error", scaled=True)),
-        **coverage(covered),
-        **_end(scores, ["right"]),
-        "interval_right": interval(sum(bool(s["right"]) for s in scores), len(scores)),
-        **_end(scores, ["failed", "seconds"]),
+        "interval_right": interval(out["right"], len(scores)),
     }
 
 
@@ -167,102 +146,73 @@ def _shares(hits: Mapping[str, Sequence[bool]], counted: bool = True) -> dict[st
     return out
 
 
+def _in_parts(scores: Sequence[Score], hits: Mapping[str, Sequence[bool]], counted: bool) -> dict[str, Any]:
+    """Of worlds that are judged effect by effect: the shares of hits, and what all of them have."""
+    near = [  # whether held-out rollouts are near the true model's; nothing where none could be compared
+        s["verdict"] != "failed" and s["rollouts"] <= WITHIN
+        for s in scores
+        if s["verdict"] == "failed" or s["rollouts"] is not None
+    ]
+    ratios = [[float(s["rollouts"])] for s in answered(scores) if s["rollouts"] is not None]
+    right = {"verdict_right": [s["verdict_right"] for s in scores], "rollouts_within": near}
+    return {
+        **_end(scores),
+        **_shares({**hits, **right}, counted),
+        **_spurious(scores),
+        **coverage(_parameters(scores, "covered")),
+        **median("median_rollouts", ratios),
+    }
+
+
 def _machines(scores: Sequence[Score]) -> dict[str, Any]:
     """Of whole machines."""
     told = rate([t["told"] for t in _counting(scores, "effects_told")], "told")
-    covered = _parameters(scores, "covered")
+    black_boxes = [s["black_box"] for s in answered(scores) if s["black_box"] is not None]
     hits = {
         "sized": flat(_parameters(scores, "sized")),
-        "verdict_right": [s["verdict_right"] for s in scores],
-        "rollouts_within": _near(scores),
-        "black_box_better": [
-            s["black_box"] < CLEARLY for s in answered(scores) if s["black_box"] is not None
-        ],
+        "black_box_better": [ratio < CLEARLY for ratio in black_boxes],
     }
-    return {
-        "n": len(scores),
+    return _in_parts(scores, hits, counted=False) | {
         "told": told["share"],
         "interval_told": told["interval"],
         "counting": told["n"],
-        **_spurious(scores),
-        **_shares(hits, counted=False),
-        **coverage(covered),
-        "parameters": len(flat(covered)),
+        "parameters": len(flat(_parameters(scores, "covered"))),
         "median_error_of_effect": median_of(flat(_parameters(scores, "error_of_effect", scaled=True))),
-        **_rollouts(scores),
-        **_end(scores),
     }
 
 
 def _whole(scores: Sequence[Score]) -> dict[str, Any]:
     """Of whole robots. A failed diagnosis has no row and no body right; it says nothing that is not there."""
-    covered, rows = _parameters(scores, "covered"), list(_counting(scores, "rows"))
+    covered, rows = flat(_parameters(scores, "covered")), list(_counting(scores, "rows"))
     hits = {
         "rows_right": [r["right"] for r in rows],
         "rows_told": [r["told"] for r in rows],
         "bodies_right": [b["right"] for b in _counting(scores, "bodies")],
-        "rollouts_within": _near(scores),
-        "verdict_right": [s["verdict_right"] for s in scores],
     }
-    return {
-        "n": len(scores),
-        **_shares(hits),
-        **_spurious(scores),
-        **coverage(covered),
-        "coverage_90_count": sum(flat(covered)),
-        "coverage_90_of": len(flat(covered)),
-        "rollouts_limit": WITHIN,
-        **_rollouts(scores),
-        **_end(scores),
-    }
+    covers = {"coverage_90_count": sum(covered), "coverage_90_of": len(covered)}
+    return _in_parts(scores, hits, counted=True) | covers | {"rollouts_limit": WITHIN}
 
 
 def _afloat(scores: Sequence[Score]) -> dict[str, Any]:
     """Of what floats or stands. A failed diagnosis tells nothing and is no alarm."""
-    covered = _parameters(scores, "covered")
     hits = {
         "worlds_right": [s["right"] for s in scores],
         "false_alarms": [s["false_alarm"] for s in answered(scores) if not s["parts"]],
         "effects_right": [p["right"] for p in _counting(scores, "parts")],
-        "verdict_right": [s["verdict_right"] for s in scores],
-        "rollouts_within": _near(scores),
-        "coverage_90": flat(covered),
+        "coverage_90": flat(_parameters(scores, "covered")),
     }
-    return {
-        "n": len(scores),
-        **_shares(hits),
-        **coverage(covered),
-        **_spurious(scores),
-        **_rollouts(scores),
-        **_end(scores),
-    }
+    return _in_parts(scores, hits, counted=True)
 
 
 def _curves(scores: Sequence[Score]) -> dict[str, Any]:
     """Of worlds with a law of no family. A failed diagnosis has no curve."""
     return {
-        "n": len(scores),
+        **_end(scores),
         **share("curve_right", [s["curve_right"] for s in scores]),
         **share("place_right", [s["place_right"] for s in scores]),
         **share("named_wrong", [s["named_wrong"] for s in answered(scores)]),
         "median_off": median_of([float(s["off"]) for s in scores if s["off"] is not None]),
-        **_end(scores),
     }
-
-
-def _near(scores: Sequence[Score]) -> list[bool]:
-    """Whether held-out rollouts are near the true model's; nothing of those where none could be compared."""
-    return [
-        s["verdict"] != "failed" and s["rollouts"] <= WITHIN
-        for s in scores
-        if s["verdict"] == "failed" or s["rollouts"] is not None
-    ]
-
-
-def _rollouts(scores: Sequence[Score]) -> dict[str, Any]:
-    """The median error of held-out rollouts over the true model's."""
-    ratios = [[float(s["rollouts"])] for s in answered(scores) if s["rollouts"] is not None]
-    return median("median_rollouts", ratios)
 
 
 def _spurious(scores: Sequence[Score]) -> dict[str, Any]:
@@ -281,17 +231,23 @@ def _figures(scores: Sequence[Score], kind: str, block: Callable[..., Any], **mo
         name: {v: block([s for s in scores if key(s) == v]) for v in sorted({key(s) for s in scores})}
         for name, key in STRATA[kind].items()
     }
-    return {
-        **block(scores),
-        "strata": strata,
-        **more,
-        "misses": [s["trial"] for s in scores if not s["right"]],
-    }
+    misses = [s["trial"] for s in scores if not s["right"]]
+    return {**block(scores), "strata": strata, **more, "misses": misses}
 
 
 def _verdicts(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
     """What was said where what was called for."""
     return tally((" or ".join(s["verdicts"]), str(s["verdict"])) for s in scores)
+
+
+def _strange(scores: Sequence[Score], of: str = "") -> dict[str, int]:
+    """How often what was said and is not there was said: a family, or where `of` is a key of scores, its place, too."""
+    names = (
+        f"{s[of]}: {family} on {on}" if of else family
+        for s in scores
+        for family, on in s.get("spurious_names", ())
+    )
+    return dict(sorted(Counter(names).items()))
 
 
 def rough_figures(scores: Sequence[Score]) -> dict[str, Any]:
@@ -310,12 +266,6 @@ def robot_figures(scores: Sequence[Score]) -> dict[str, Any]:
     return _figures(scores, "mjcf", _robots, families=rates_by(singles, "right"))
 
 
-def _strange(scores: Sequence[Score], called: Callable[[Score, str, str], str]) -> dict[str, int]:
-    """How often what was said and is not there was said; called: its name, of a score, a family and a place."""
-    found = Counter(called(s, family, on) for s in scores for family, on in s.get("spurious_names", ()))
-    return dict(sorted(found.items()))
-
-
 def machine_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """By family and class of machine, too: what counts and was told, and what was told and is not there."""
     told = [
@@ -323,39 +273,28 @@ def machine_figures(scores: Sequence[Score]) -> dict[str, Any]:
         for s in scores
         for t in _counting([s], "effects_told")
     ]
-    return _figures(
-        scores,
-        "machines",
-        _machines,
-        families=rates_by(told, "told"),
-        spurious_families=_strange(scores, lambda s, family, on: f"{s['kind']}: {family} on {on}"),
-        verdicts=_verdicts(scores),
-    )
+    families, strange = rates_by(told, "told"), _strange(scores, "kind")
+    more = {"families": families, "spurious_families": strange, "verdicts": _verdicts(scores)}
+    return _figures(scores, "machines", _machines, **more)
 
 
 def whole_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """By family and by joint, too, and what was said and is not there."""
     masses, robot = {"parameter_offset": "mass of a body"}, STRATA["whole"]["robot"]
     parts = _counting(scores, "rows", "bodies")
-    families = [(masses.get(part["family"], part["family"]), part["right"]) for part in parts]
-    joints = [(f"{robot(s)}: {row['on']}", row["right"]) for s in scores for row in _counting([s], "rows")]
-    return _figures(
-        scores,
-        "whole",
-        _whole,
-        families=rates_by(families, "right"),
-        joints=rates_by(joints, "right"),
-        spurious_families=_strange(scores, lambda s, family, on: family),
+    families = rates_by(
+        [(masses.get(part["family"], part["family"]), part["right"]) for part in parts], "right"
     )
+    joints = [(f"{robot(s)}: {row['on']}", row["right"]) for s in scores for row in _counting([s], "rows")]
+    more = {"families": families, "joints": rates_by(joints, "right"), "spurious_families": _strange(scores)}
+    return _figures(scores, "whole", _whole, **more)
 
 
 def afloat_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """Effects by family, too, and what was said and is not there."""
-    families = [(p["family"], p["right"]) for p in _counting(scores, "parts")]
-    strange = _strange(scores, lambda s, family, on: f"{s['system']}: {family} on {on}")
-    return _figures(
-        scores, "afloat", _afloat, families=rates_by(families, "right"), spurious_families=strange
-    )
+    families = rates_by([(p["family"], p["right"]) for p in _counting(scores, "parts")], "right")
+    strange = _strange(scores, "system")
+    return _figures(scores, "afloat", _afloat, families=families, spurious_families=strange)
 
 
 def curve_figures(scores: Sequence[Score]) -> dict[str, Any]:
@@ -371,11 +310,17 @@ def plan_figures(scores: Sequence[Score]) -> dict[str, Any]:
     The median of the seconds takes one that never decides for infinitely long. over_fixed: the plan's median over that
     of the fixed excitation whose median is least.
     """
-    counting = [s for s in scores if s["counts"]]
-    names = list(counting[0]["kinds"]) if counting else []
-    kinds = {name: _plan([s["kinds"][name] for s in counting]) for name in names}
-    fixed = [k["median_seconds"] for name, k in kinds.items() if name != PLANNED]
-    plan, able = kinds.get(PLANNED, {}), bool(kinds) and math.isfinite(min(fixed))
+    counting, kinds = [s for s in scores if s["counts"]], {}
+    for name in counting[0]["kinds"] if counting else ():
+        each = [s["kinds"][name] for s in counting]
+        seconds = [math.inf if k["seconds"] is None else float(k["seconds"]) for k in each]
+        left = rate([k["left"] for k in each], "left")
+        kinds[name] = rate([math.isfinite(s) for s in seconds], "resolved") | {
+            "median_seconds": float(np.median(seconds)), "left": left["left"], "left_share": left["share"],
+            "interval_left": left["interval"],
+        }  # fmt: skip
+    fixed = min((k["median_seconds"] for name, k in kinds.items() if name != PLANNED), default=math.inf)
+    plan = kinds.get(PLANNED, {})
     return {
         "n": len(counting),
         "drawn": len(scores),
@@ -386,18 +331,10 @@ def plan_figures(scores: Sequence[Score]) -> dict[str, Any]:
         "interval_resolved": plan.get("interval"),
         "left": plan.get("left_share"),
         "interval_left": plan.get("interval_left"),
-        "over_fixed": plan["median_seconds"] / min(fixed) if able else None,
+        "over_fixed": plan["median_seconds"] / fixed if math.isfinite(fixed) else None,
         "failed": len(scores) - len(answered(scores)),
         "misses": [s["trial"] for s in scores if not s["right"]],
     }
-
-
-def _plan(each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    seconds = [math.inf if k["seconds"] is None else float(k["seconds"]) for k in each]
-    left = rate([k["left"] for k in each], "left")
-    found = {"left": left["left"], "left_share": left["share"], "interval_left": left["interval"]}
-    resolved = rate([math.isfinite(s) for s in seconds], "resolved")
-    return {**resolved, "median_seconds": float(np.median(seconds)), **found}
 
 
 FIGURES: Mapping[str, Callable[[Sequence[Score]], dict[str, Any]]] = {

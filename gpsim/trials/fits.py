@@ -15,6 +15,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -89,7 +90,7 @@ class Fits:
 
     def known(self, effects: Sequence[TrueEffect]) -> bool:
         """Whether a diagnosis would try all of them."""
-        return {(e.family, e.on) for e in effects} <= {c.identity for c in self.offers}
+        return {e.identity for e in effects} <= {c.identity for c in self.offers}
 
     def of(self, effects: Sequence[TrueEffect]) -> Fit:
         """Of effects, begun at their values."""
@@ -125,7 +126,7 @@ def on_offer(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> bool
 
 
 def _wanted(effect: TrueEffect) -> tuple[Identity, str]:
-    return (effect.family, effect.on), "coefficient" if "coefficient" in effect.values else ""
+    return effect.identity, "coefficient" if "coefficient" in effect.values else ""
 
 
 def as_hypothesis(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> Hypothesis:
@@ -210,7 +211,7 @@ def rollouts_over_truth(
     question = prepare(known, simulator, simulator.defaults(recording.parameters))
     problem = question.everything
     offers = candidates(question.recording, problem.simulator, problem.parameters)
-    if not {(e.family, e.on) for e in (*truth, *said)} <= {c.identity for c in offers}:
+    if not {e.identity for e in (*truth, *said)} <= {c.identity for c in offers}:
         return {}
     found = fit(problem, as_hypothesis(truth, offers), rounds=ROUNDS, tolerance=TOLERANCE)
     judged = replace(recording, episodes=held, held_out=None)
@@ -234,22 +235,8 @@ def _plant(question: Question, hypothesis: Hypothesis, dt: float) -> EffectsPlan
     )
 
 
-def kept_path(out: Path, name: str) -> Path:
-    """Where it is kept."""
-    return out / "equivalents" / f"{name}.json"
-
-
-def read_kept(path: Path) -> dict[str, Any]:
-    """What is kept; nothing where it is missing or damaged."""
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
-    return content
-
-
 def write_kept(path: Path, content: Json) -> None:
-    """Keep it, whole or not at all."""
+    """Keep what is dear to find out about a trial, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(path) as made:
         write_json(made, plain(content))
@@ -264,12 +251,23 @@ def kept_or_made(
     out: Path, name: str, follows_from: Json, make: Callable[[], dict[str, Any]]
 ) -> dict[str, Any]:
     """What is kept of a trial, made anew where it follows from something else."""
-    path, identity = kept_path(out, name), plain(follows_from)
-    kept = read_kept(path)
+    path, identity, kept = kept_path(out, name), plain(follows_from), {}
+    with suppress(FileNotFoundError, ValueError):  # damaged is as good as missing
+        kept = json.loads(path.read_text(encoding="utf-8"))
     if any(kept.get(key) != value for key, value in identity.items()):
         write_kept(path, identity | make())
-        kept = read_kept(path)
+        kept = json.loads(path.read_text(encoding="utf-8"))
     return kept
+
+
+def kept_path(out: Path, name: str) -> Path:
+    """Where it is kept."""
+    return out / "equivalents" / f"{name}.json"
+
+
+def rival_json(rival: Rival) -> dict[str, Any]:
+    """Plain data."""
+    return {"claims": list(map(list, rival.claims)), "nats_lost": rival.loss, "richer": rival.richer}
 
 
 def rivals_from(kept: Json) -> list[Rival]:
@@ -305,31 +303,21 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
     outcome: of its diagnosis, whose digests of answer and recording were verified.
     """
     path, public = kept_path(out, name), out / PUBLIC / name
-    identity = {"version": EQUIVALENTS_VERSION, **digests_of(outcome)}
-    found = read_kept(path)
-    kept = found if identity.items() <= found.items() else identity
-    new: dict[str, Any] = {}
-    if "rivals" not in kept:
+
+    def make() -> dict[str, Any]:
         started = time.monotonic()
-        listed = rough_rivals(answer) if "rough" in answer.content else rivals(answer, read_recording(public))
-        new["rivals"] = [
-            {
-                "claims": list(map(list, r.claims)), "nats_lost": r.loss, "richer": r.richer,
-                "equivalent": r.equivalent,
-            }
-            for r in listed
-        ]  # fmt: skip
-        new["seconds"] = round(time.monotonic() - started, 2)
-    if kept.get("sindy") is None:  # it may have been installed since
-        new["sindy"] = None
-        if sindy.installed() and sindy.applies(answer.content):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # it warns of thresholds that eliminate all terms, an answer
-                new["sindy"] = list(map(list, sindy.name(read_recording(public))))
-    kept = kept | new
-    if kept != found:
+        found = rough_rivals(answer) if "rough" in answer.content else rivals(answer, read_recording(public))
+        told = [{**rival_json(r), "equivalent": r.equivalent} for r in found]
+        return {"rivals": told, "seconds": round(time.monotonic() - started, 2), "sindy": None}
+
+    kept = kept_or_made(out, name, {"version": EQUIVALENTS_VERSION, **digests_of(outcome)}, make)
+    # It may have been installed since.
+    if kept.get("sindy") is None and sindy.installed() and sindy.applies(answer.content):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns of thresholds that eliminate all terms, an answer
+            kept["sindy"] = list(map(list, sindy.name(read_recording(public))))
         write_kept(path, kept)
-    said = kept["sindy"]
+    said = kept.get("sindy")
     return Listing(rivals_from(kept), None if said is None else tuple((family, on) for family, on in said))
 
 
@@ -376,7 +364,7 @@ class _Judge:
         found: list[Fit] = []
         for dropped in effects:
             parent = self._fits.of([e for e in inside if e is not dropped])
-            own = None if dropped.outside else (dropped.family, dropped.on)
+            own = None if dropped.outside else dropped.identity
             found += [parent, *self._replacements(parent, own, Gate(dropped.region, dropped.since))]
         size = sum(len(e.values) for e in effects)
         if len(inside) < len(effects):

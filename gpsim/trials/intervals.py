@@ -88,9 +88,12 @@ def mean(name: str, values: Sequence[float]) -> dict[str, Any]:
     return {name: float(np.mean(values)) if values else None, f"interval_{name}": mean_interval(values)}
 
 
-def median(name: str, worlds: Sequence[Sequence[float]]) -> dict[str, Any]:
-    """The median of all values of all worlds under `name`, and its interval; each None of nothing."""
-    return {name: median_of(flat(worlds)), f"interval_{name}": median_interval(worlds)}
+def median(name: str, worlds: Sequence[Sequence[float]], digits: int | None = None) -> dict[str, Any]:
+    """The median of all values of all worlds under `name`, and its interval, of so many digits; None of nothing."""
+    found, bounds = median_of(flat(worlds)), median_interval(worlds)
+    if digits is not None and found is not None and bounds is not None:
+        found, bounds = round(found, digits), [round(edge, digits) for edge in bounds]
+    return {name: found, f"interval_{name}": bounds}
 
 
 def median_of(values: Sequence[float]) -> float | None:

@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from gpsim.trials.fits import (
     opened,
     opened_model,
     ratios_from,
+    rival_json,
     rivals_from,
     rollouts_over_truth,
 )
@@ -76,10 +77,6 @@ def _said_of(report: Json | None) -> list[list[Json]]:
     return [list(report["effects"]), *(list(a["effects"]) for a in report["alternatives"])]
 
 
-def _identity(effect: TrueEffect) -> Identity:
-    return effect.family, effect.on
-
-
 def _rollouts(
     recording: Recording, simulator: Simulator, truth: Sequence[TrueEffect], report: Json
 ) -> dict[str, float]:
@@ -100,8 +97,7 @@ class Seen:
     beyond: float
 
 
-@dataclass(frozen=True)
-class Standing:
+class Standing(NamedTuple):
     """stands: a claim -> the effect of the truth that it stands for; effects: the truth with those in their places."""
 
     stands: dict[Identity, Identity]
@@ -141,10 +137,10 @@ class MachineJudge:
 
     def standing(self, said: Sequence[TrueEffect]) -> Standing:
         """Which claims that are no effect of the truth stand for one that could be seen and was not told."""
-        own, claims = {_identity(e) for e in self._effects}, {_identity(e) for e in said}
-        strange = [e for e in said if self._fits.known([e]) and _identity(e) not in own and not e.gated]
+        own, claims = {e.identity for e in self._effects}, {e.identity for e in said}
+        strange = [e for e in said if self._fits.known([e]) and e.identity not in own and not e.gated]
         pairs = zip(self._effects, self.seen, strict=True)
-        untold = {_identity(e) for e, seen in pairs if seen.nats >= LOST} - claims
+        untold = {e.identity for e, seen in pairs if seen.nats >= LOST} - claims
         standing = Standing({}, self._effects)
         for claim in strange[:MOST_TRIED]:
             standing = self._with(claim, standing, untold - set(standing.stands.values()))
@@ -152,14 +148,14 @@ class MachineJudge:
 
     def _with(self, claim: TrueEffect, standing: Standing, untold: set[Identity]) -> Standing:
         """The same with the claim in the place of the first effect for which it stands, if there is one."""
-        for effect in [e for e in standing.effects if _identity(e) in untold]:
+        for effect in [e for e in standing.effects if e.identity in untold]:
             if len(claim.values) > len(effect.values):  # a richer one holds the truth as a special case
                 continue
             tried = [claim if e is effect else e for e in standing.effects]
             found = self._fits.of(tried)
             if self._lost(found) < LOST:
                 pairs = zip(tried, found.hypothesis.terms, strict=True)
-                stands = {**standing.stands, _identity(claim): _identity(effect)}
+                stands = {**standing.stands, claim.identity: effect.identity}
                 return Standing(stands, tuple(replace(e, values=dict(t.values)) for e, t in pairs))
         return standing
 
@@ -183,10 +179,10 @@ class MachineListing:
     leader and of every alternative, whether it loses nothing as a whole; rollouts: channel -> error over the truth's.
     """
 
-    seen: tuple[Seen, ...]
+    seen: Sequence[Seen]
     stands: Mapping[Identity, Identity]
-    values: tuple[Json, ...]
-    equivalent: tuple[bool, ...]
+    values: Sequence[Json]
+    equivalent: Sequence[bool]
     rollouts: Mapping[str, float]
 
 
@@ -217,13 +213,9 @@ def machine_listing(
     told = list(map(_in_short, said))
     follows_from = {"machine_version": MACHINE_VERSION, **digests_of(outcome), "said": told}
     kept = kept_or_made(out, name, follows_from, make)
-    return MachineListing(
-        tuple(Seen(**s) for s in kept["seen"]),
-        {(a, b): (c, d) for (a, b), (c, d) in kept["stands"]},
-        tuple(kept["values"]),
-        tuple(kept["equivalent"]),
-        ratios_from(kept),
-    )
+    stands = {(a, b): (c, d) for (a, b), (c, d) in kept["stands"]}
+    seen = [Seen(**s) for s in kept["seen"]]
+    return MachineListing(seen, stands, kept["values"], kept["equivalent"], ratios_from(kept))
 
 
 def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Json | None) -> list[Rival]:
@@ -236,10 +228,7 @@ def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Js
 
     def make() -> dict[str, Any]:
         judged = map(RobotJudge(answer, out / PUBLIC / name).judged, others)
-        pairs = [
-            {"claims": list(map(list, r.claims)), "nats_lost": r.loss, "richer": r.richer} for r in judged
-        ]
-        return {"rivals": pairs}
+        return {"rivals": list(map(rival_json, judged))}
 
     told = [short for effects in others for short in _in_short(effects)]
     follows_from = {"robot_version": ROBOT_VERSION, **digests_of(outcome), "said": told}
@@ -277,8 +266,7 @@ def claims_of(effects: Sequence[Json]) -> Claims:
     return tuple(sorted((str(e["family"]), place_of(e["on"])) for e in effects))
 
 
-@dataclass(frozen=True)
-class WholeListing:
+class WholeListing(NamedTuple):
     """rollouts: channel -> error over the refitted truth's; bodies_off: the torque that the changed bodies ask for.
 
     That is off by so much of what the true changes ask for, root mean square over the joints, each in its own torque.
@@ -305,9 +293,12 @@ def afloat_rollouts(
     out: Path, name: str, answer: Answer, outcome: Json, report: Json | None
 ) -> dict[str, float]:
     """Of what floats or stands, channel -> error of held-out rollouts over the refitted truth's; kept as above."""
+
+    def make() -> dict[str, Any]:
+        return {"rollouts": _robots_rollouts(out, name, answer, report)}
+
     said = [] if report is None else list(report["effects"])
     follows_from = {"afloat_version": AFLOAT_VERSION, **digests_of(outcome), "said": _in_short(said)}
-    make = lambda: {"rollouts": _robots_rollouts(out, name, answer, report)}  # noqa: E731
     return ratios_from(kept_or_made(out, name, follows_from, make))
 
 

@@ -12,8 +12,7 @@ from gpsim.trials.figures import FIGURES, answered
 from gpsim.trials.intervals import (
     Score,
     flat,
-    interval,
-    median_interval,
+    median,
     rate,
     rates_by,
     share_interval,
@@ -48,7 +47,10 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "long": block([s for s in plain if s["long"]]),
         "identifiable": block([s for s in headline if s["identifiable"]]),
         "strata": {
-            name: {str(v): block([s for s in part if key(s) == v]) for v in _values(part, key)}
+            name: {
+                str(v): block([s for s in part if key(s) == v])
+                for v in sorted({key(s) for s in part}, key=str)
+            }
             for name, (part, key) in _strata(standard, headline).items()
         },
         "families": _by_family(headline, "single"),
@@ -80,27 +82,35 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
             }
     with_effects = [s for s in scores if s["stratum"] in SIZES]
     decided = [s for s in answered(with_effects) if s["identifiable"]]
-    out |= _optional("verdict_right", [s["verdict_right"] for s in scores], "right")
-    out |= _optional("families_right", [s["families_right"] for s in with_effects], "right")
-    undecided = [s["verdict"] in ("ambiguous", "partial", "unknown") for s in decided]
-    out |= _optional("undecided", undecided, "count")
+    counted = {
+        "verdict_right": ([s["verdict_right"] for s in scores], "right"),
+        "families_right": ([s["families_right"] for s in with_effects], "right"),
+        "undecided": ([s["verdict"] in ("ambiguous", "partial", "unknown") for s in decided], "count"),
+    }
+    out |= {name: rate(hits, count) for name, (hits, count) in counted.items() if hits}
     if with_effects:
         out["location"] = location_figures(with_effects)
-    nothing = [s for s in scores if s["stratum"] == "none"]
-    if nothing:
-        out["none"] = _without_mismatch(nothing)
-    outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
-    if outside:
-        out["unknown"] = rate([s.get("said_so") for s in outside], "said_so")
-        out["unknown"] |= _wrong_names(answered(outside)) | {"failed": _failed(outside)}
+    if nothing := [s for s in scores if s["stratum"] == "none"]:
+        # One that failed is neither an alarm nor quiet.
+        alarms = rate([s.get("false_alarm") for s in answered(nothing)], "false_alarms")
+        alarms["share_false"] = alarms.pop("share")
+        quiet = sum(s["verdict"] == "none" for s in nothing)
+        out["none"] = alarms | {"said_so": quiet, "failed": _failed(nothing)}
+    if outside := [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]:
+        wrong = rate([s.get("named_wrong") for s in answered(outside)], "named_wrong")
+        out["unknown"] = rate([s.get("said_so") for s in outside], "said_so") | {
+            "named_wrong": wrong["named_wrong"],
+            "share_named_wrong": wrong["share"],
+            "interval_named_wrong": wrong["interval"],
+            "failed": _failed(outside),
+        }
     out |= parameter_figures([s.get("parameters", []) for s in with_effects])
     worst = [w for s in with_effects if (w := worst_fit(s)) is not None]
     if worst:
         within = rate([w <= NEAR_OWN for w in worst], "within")
-        out["fit"] = within | {"share_within": within["share"]} | _median("median", [[w] for w in worst])
-    seconds = [float(s["seconds"]) for s in scores]
-    if seconds:
-        out["seconds"] = _median("median", [[t] for t in seconds], 2) | {"max": round(max(seconds), 2)}
+        out["fit"] = within | {"share_within": within["share"]} | median("median", [[w] for w in worst], 6)
+    if seconds := [float(s["seconds"]) for s in scores]:
+        out["seconds"] = median("median", [[t] for t in seconds], 2) | {"max": round(max(seconds), 2)}
     return out
 
 
@@ -113,7 +123,7 @@ def location_figures(scores: Sequence[Score]) -> dict[str, Any]:
         values = [float(s[figure]) for s in scores if figure in s]
         if values:
             out[figure] = {"n": len(values), "mean": float(np.mean(values))}
-            out[figure] |= _median("median", [[v] for v in values])
+            out[figure] |= median("median", [[v] for v in values], 6)
     return out
 
 
@@ -134,42 +144,17 @@ def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str
     return {
         "parameters": {
             "n": count,
-            **_median("median_relative_error", errors),
+            **median("median_relative_error", errors, 6),
             "quartiles": quartiles,
-            **_median("median_error_of_effect", of_effect),
+            **median("median_error_of_effect", of_effect, 6),
             "coverage_90": sum(flat(covered)) / count,
             "interval": share_interval(covered),
         }
     }
 
 
-def _without_mismatch(scores: Sequence[Score]) -> dict[str, Any]:
-    """False alarms among the worlds that were given an answer: one that failed is neither an alarm nor quiet."""
-    out = rate([s.get("false_alarm") for s in answered(scores)], "false_alarms")
-    out["share_false"] = out.pop("share")
-    return out | {"said_so": sum(s["verdict"] == "none" for s in scores), "failed": _failed(scores)}
-
-
-def _wrong_names(scores: Sequence[Score]) -> dict[str, Any]:
-    wrong = sum(bool(s.get("named_wrong")) for s in scores)
-    return {
-        "named_wrong": wrong,
-        "share_named_wrong": wrong / len(scores) if scores else None,
-        "interval_named_wrong": interval(wrong, len(scores)),
-    }
-
-
 def _failed(scores: Sequence[Score]) -> int:
     return len(scores) - len(answered(scores))
-
-
-def _median(name: str, worlds: Sequence[Sequence[float]], digits: int = 6) -> dict[str, Any]:
-    """A median under `name` and its interval; each None where there is no value."""
-    values, bounds = flat(worlds), median_interval(worlds)
-    return {
-        name: round(float(np.median(values)), digits) if values else None,
-        f"interval_{name}": None if bounds is None else [round(edge, digits) for edge in bounds],
-    }
 
 
 def worst_fit(score: Score, kind: str = "after") -> float | None:
@@ -212,10 +197,6 @@ def _strata(
     }
 
 
-def _values(scores: Sequence[Score], key: Callable[[Score], Any]) -> list[Any]:
-    return sorted({key(s) for s in scores}, key=str)
-
-
 def _words(scores: Sequence[Score]) -> dict[str, Any]:
     """Visible worlds of newer families: how many are right, of which family, and how well sizes are known."""
     return rate([s["right"] for s in scores], "right") | {
@@ -247,7 +228,7 @@ def _rivals(scores: Sequence[Score]) -> dict[str, Any]:
         if any(kind in k for s in part for k in s.get("fit", {}).values()):
             worst = [worst_fit(s, kind) for s in part]
             near = rate([w is not None and w <= NEAR_OWN for w in worst], "within")
-            out[kind] = near | _median("median", [[w] for w in worst if w is not None])
+            out[kind] = near | median("median", [[w] for w in worst if w is not None], 6)
     return out | _namers(scores)
 
 
@@ -260,10 +241,6 @@ def _namers(scores: Sequence[Score]) -> dict[str, Any]:
             out[f"sindy{suffix}"] = rate([s["sindy"]["right"] for s in part], "right")
             out[f"diagnose_on_the_same{suffix}"] = rate([s["right"] for s in part], "right")
     return out
-
-
-def _optional(name: str, hits: Sequence[bool], count: str) -> dict[str, Any]:
-    return {name: rate(hits, count)} if hits else {}
 
 
 EQUIVALENT = "an equivalent"  # said in place of the truth, and as right

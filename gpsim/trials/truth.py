@@ -133,7 +133,7 @@ def driven(
     with np.errstate(all="ignore"):
         for k in range(world.steps):
             clean[k], kept[k] = sense(sensors, names, fine, k * n, h), hidden
-            commands[k] = driving.command(k, limited(effects, names, clean[k] + noise[k]))
+            commands[k] = driving(k, limited(effects, names, clean[k] + noise[k]))
             for j in range(n):
                 late = k * world.dt + j * h
                 t, wall = world.clock_offsets + late, world.offsets + late

@@ -117,8 +117,13 @@ class TrueEffect:
         return np.asarray(mask if self.since is None else mask * (t >= self.since), dtype=np.float64)
 
     @property
-    def name(self) -> str:
+    def identity(self) -> tuple[str, str]:
         """What it is and where it acts."""
+        return self.family, self.on
+
+    @property
+    def name(self) -> str:
+        """The same in words."""
         return f"{self.family} on {self.on}"
 
     @property

@@ -9,6 +9,8 @@ from gpsim.reports.prove_sheets import goals_sheet, group_sheets, terminal_sheet
 from gpsim.trials.scoring_parts import score_afloat
 from gpsim.trials.summary import summarise
 
+from .test_scoring import WORLD
+
 pytest.importorskip("mujoco")
 TRUE = [
     ("viscous_friction", "base.surge", {"damping": 0.3}, 30.0),
@@ -91,15 +93,6 @@ def test_all_gains_of_what_floats_in_one_ratio_are_its_mass_inertia_and_forces()
     assert not scored([*others, said("parameter_offset", "frame.inertia", "ratio", 0.8)], fewer)["right"]
 
 
-def test_a_part_of_a_combination_that_is_named_is_right():
-    rest = all_of_it()[:2]
-    other = said("parameter_offset", "frame.inertia", "ratio", 1.2)
-    names = [("parameter_offset on frame.mass: ratio", "parameter_offset on frame.inertia: ratio")]
-    found = scored([*rest, other], combinations=names, verdict="ambiguous")
-    assert (found["right"], found["verdict_right"], found["spurious"]) == (True, True, 0)
-    assert not scored([*rest, other])["right"]
-
-
 def test_any_verdict_but_none_is_a_false_alarm_where_nothing_is_missing():
     quiet, alarm = (scored([], (), verdict) for verdict in ("none", "unknown"))
     assert (quiet["right"], quiet["false_alarm"]) == (True, False)
@@ -108,19 +101,11 @@ def test_any_verdict_but_none_is_a_false_alarm_where_nothing_is_missing():
     assert (failed["right"], failed["false_alarm"], failed["verdict"]) == (False, False, "failed")
 
 
-def with_world(score, trial, **more):
-    world = {
-        "trial": trial, "visible": True, "long": False, "seconds": 30.0, "system": "quadrotor", "velocities": None,
-        "excitation": "control", "strength": "", "noise_known": True, "noise_level": "normal", "effects": [],
-        "defects": [], "error": None,
-    }  # fmt: skip
-    return {**score, **world, **more}
-
-
 def test_figures_stand_by_themselves_with_intervals_and_goals():
     kinds = [scored(all_of_it()), scored(all_of_it()[1:], rollouts=2.0), score_afloat(answer(), None, None)]
     kinds += [scored([], (), "none"), scored(all_of_it()[:1], ())]
-    scores = [with_world(s, str(600_001 + i)) for i, s in enumerate(kinds)]
+    world = WORLD | {"system": "quadrotor", "velocities": None, "strength": ""}
+    scores = [{**s, **world, "trial": str(600_001 + i)} for i, s in enumerate(kinds)]
     found = summarise(scores)
     block = found["afloat"]
     assert (block["n"], block["failed"], block["worlds_right_count"]) == (5, 1, 2)

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.stages.prove import robots_numbers
 from gpsim.trials import concealing as robot_worlds
 from gpsim.trials.blinding import recording_digests, write_trial
 from gpsim.trials.robots import afloat
@@ -92,20 +90,6 @@ def test_the_quadrotor_flies_as_newton_and_euler_say():
     assert off[1] < 0.4 * off[0]
 
 
-def test_a_boat_that_nothing_pushes_keeps_energy_and_momentum():
-    mover = Mover("boat", ())
-    data = mover.data(*mover.places(START))
-    mass, inertia = 25.8, np.array([0.3, 2.6, 2.76])
-
-    def kept(s):
-        energy = 0.5 * mass * s[7:10] @ s[7:10] + 0.5 * inertia @ s[10:13] ** 2
-        return np.concatenate([[energy], s[7:10], turned(s[3:7]) @ (inertia * s[10:13])])
-
-    mover.sample(data, np.zeros(2), np.zeros((1, 2)), 4000)
-    np.testing.assert_allclose(kept(mover.state(data)), kept(START), rtol=1e-9)
-    assert np.abs(mover.state(data)[3:7] - START[3:7]).max() > 0.1
-
-
 def test_late_commands_act_for_the_rest_of_a_sample():
     late = [TrueEffect("actuator_delay", a, {"delay": 0.025}) for a in layout_of("boat").action]
     mover, other = Mover("boat", late), Mover("boat", ())
@@ -174,10 +158,3 @@ def test_a_concealed_world_is_the_same_bytes_and_its_answer_is_not_public(short,
     assert sorted(p.name for p in public.iterdir()) == ["quadrotor.xml", "recording.csv", "recording.yaml"]
     text = (public / "recording.yaml").read_text()
     assert not any(e["family"] in text for e in answer["effects"])
-
-
-def test_they_are_counted_by_themselves_and_leave_the_others_numbers_alone():
-    assert robots_numbers(0, floating=2) == [FROM["afloat"] + 1, FROM["afloat"] + 2]
-    assert robots_numbers(1, whole=1, floating=1)[:2] == robots_numbers(1, whole=1)
-    with pytest.raises(UsageError, match="--floating 20"):
-        robots_numbers(3, ["afloat"])

@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gpsim.errors import UsageError
-from gpsim.stages import prove
 from gpsim.trials.blinding import Answer
-from gpsim.trials.drawing import draw, stratum_of
 from gpsim.trials.outside import CURVES
 from gpsim.trials.outside_curves import MISSES, drawn_law, missed, smooth, true_curve
 from gpsim.trials.scoring_parts import score_curve
@@ -19,6 +16,7 @@ from gpsim.trials.truth import run
 from gpsim.trials.worlds import FROM, SYSTEMS, Dial, Scales, TrueEffect
 
 from .outside_worlds import bare, slid, world_of
+from .test_scoring import WORLD
 
 PLACES = {
     "free_force_of_speed": ("slider", "q", "q_dot"),
@@ -80,12 +78,6 @@ def test_drawn_laws_are_none_of_the_catalogues_and_come_in_all_shapes():
     assert 2 <= steady <= 10
 
 
-def test_around_an_angle_a_law_comes_round():
-    k = drawn_law(np.linspace(-3, 3, 500), 1.0, True, Dial(np.random.default_rng(4), 0.5))
-    x = np.linspace(-1, 1, 7)
-    np.testing.assert_allclose(smooth(k, x), smooth(k, x + 2 * np.pi), atol=1e-9)
-
-
 def test_the_truth_of_a_force_against_scipy():
     states, _ = slid("free_force_of_speed", LAW, [0.0, 1.0], lambda t: 2.0 * np.sin(3 * t), 1.0)
     found = solve_ivp(
@@ -109,16 +101,6 @@ def test_the_answer_says_what_the_law_adds_where_the_recording_went(kind):
     channel = "v_cmd" if kind == "free_turn" else PLACES[kind][2]
     x = visited[..., names.index(channel)]
     assert x.min() - 1e-5 <= at.min() < at.max() <= x.max() + 1e-5
-
-
-def test_they_have_numbers_of_their_own_and_every_kind_comes_as_often():
-    numbers = prove.numbers_of(0, curves=10)
-    assert numbers == list(range(FROM["curves"] + 1, FROM["curves"] + 11))
-    assert {stratum_of(n)[0] for n in numbers} == {"curves"}
-    assert sorted(draw(91, n).effects[0].family for n in numbers[:5]) == sorted(CURVES)
-    assert stratum_of(FROM["curves"])[0] == "words"
-    with pytest.raises(UsageError, match="--curves 20"):
-        prove.numbers_of(5, ["curves"])
 
 
 def answer_of(kind):
@@ -226,10 +208,8 @@ def test_the_figures_of_curves():
     kind = "free_command"
     answer = answer_of(kind)
     reports = [report_of(curve_of(kind, answer)), report_of(curve_of(kind, answer, bend=0.3)), None]
-    beside = {"long": False, "system": "slider", "noise_level": "light", "velocities": "measured",
-              "excitation": "sines", "strength": "plain", "seconds": 10.0, "error": None}  # fmt: skip
     scores = [
-        score_curve(answer, report) | beside | {"trial": str(FROM["curves"] + i)}
+        score_curve(answer, report) | WORLD | {"trial": str(FROM["curves"] + i)}
         for i, report in enumerate(reports)
     ]
     content = summarise(scores)

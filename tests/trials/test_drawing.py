@@ -4,7 +4,10 @@ from collections import Counter
 
 import pytest
 
+from gpsim.errors import UsageError
+from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials import catalogue, drawing, outside
+from gpsim.trials.worlds import numbered
 
 
 def test_a_deck_holds_every_stratum_in_its_share():
@@ -20,14 +23,6 @@ def test_a_deck_holds_every_stratum_in_its_share():
     assert twenty["unknown"] >= 100
 
 
-def test_ranks_count_up_within_a_stratum():
-    seen = {}
-    for number in range(1, 121):
-        stratum, _, rank = drawing.stratum_of(number)
-        assert rank == seen.get(stratum, -1) + 1
-        seen[stratum] = rank
-
-
 def test_every_family_comes_once_a_cycle():
     asked = [family for family, word in catalogue.WORDS.items() if word.asked]
     for stratum, families in (("single", catalogue.DECK), ("words", asked)):
@@ -41,6 +36,32 @@ def test_the_same_trial_is_the_same_world():
     assert drawing.draw(7, 3) != drawing.draw(8, 3)
 
 
+def test_worlds_of_every_kind_have_numbers_of_their_own_and_each_comes_as_often():
+    found = numbers_of(3, rough=2, curves=5, plan=8)
+    kinds = [numbered(n) for n in found]
+    assert kinds == [
+        *(("plain", i + 1) for i in range(3)), *(("curves", i + 1) for i in range(5)),
+        *(("rough", i + 1) for i in range(2)), *(("plans", i + 1) for i in range(8)),
+    ]  # fmt: skip
+    assert sorted(drawing.draw(91, n).effects[0].family for n in found[3:8]) == sorted(outside.CURVES)
+    robots = robots_numbers(2, ["pair"], whole=1, floating=1)
+    assert [numbered(n)[0] for n in robots] == ["robots", "robots", "whole", "afloat"]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "asked", "told"),
+    [
+        (numbers_of, (3, ["rough"]), "--rough 20"), (numbers_of, (5, ["curves"]), "--curves 20"),
+        (robots_numbers, (3, ["whole"]), "--robots 20"), (robots_numbers, (3, ["afloat"]), "--floating 20"),
+        (numbers_of, (0,), "no worlds"), (robots_numbers, (0,), "no worlds"),
+        (robots_numbers, (3, ["triple"]), "no stratum 'triple' of --system mjcf"),
+    ],
+)  # fmt: skip
+def test_worlds_that_are_asked_for_otherwise_are_refused_in_one_line(numbers, asked, told):
+    with pytest.raises(UsageError, match=told):
+        numbers(*asked)
+
+
 FOR_EVERY_SEED = {name for name, kind in outside.KINDS.items() if kind.since is None}
 
 
@@ -48,29 +69,29 @@ FOR_EVERY_SEED = {name for name, kind in outside.KINDS.items() if kind.since is 
 def test_tuning_never_sees_the_kinds_kept_for_measurements(seed):
     assert set(outside.drawn(seed)) == FOR_EVERY_SEED
     assert len(FOR_EVERY_SEED) == 10
+    assert {kind.since for kind in outside.nuisances(seed).values()} == {None, 0, 2028, 2029, 2030, 2031}
 
 
-@pytest.mark.parametrize(
-    ("seed", "since"),
-    [
-        (0, 0),
-        (100, 0),
-        (2026, 0),
-        (2027, 0),
-        (2028, 2028),
-        (2029, 2029),
-        (2030, 2030),
-        (2031, 2031),
-        (2039, 2031),
-        (2040, 2040),
-        (3000, 2040),
-    ],
-)
-def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them(seed, since):
-    new = {name for name, kind in outside.KINDS.items() if kind.since == since}
+SINCE = {
+    0: 0,
+    100: 0,
+    2027: 0,
+    2028: 2028,
+    2029: 2029,
+    2030: 2030,
+    2031: 2031,
+    2039: 2031,
+    2040: 2040,
+    3000: 2040,
+}
+
+
+@pytest.mark.parametrize("seed", SINCE)
+def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them(seed):
+    new = {name for name, kind in outside.KINDS.items() if kind.since == SINCE[seed]}
     assert len(new) == 10
-    assert set(outside.drawn(seed)) == FOR_EVERY_SEED | new
     assert {drawing.first_family(seed, "unknown", rank) for rank in range(20)} == FOR_EVERY_SEED | new
+    assert outside.nuisances(seed) == outside.drawn(seed)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +123,3 @@ def test_no_two_effects_of_a_world_are_alike(worlds):
         for group in drawing.ALIKE:
             assert sum(e.family in group for e in world.effects) <= 1
         assert sum(e.gated and e.family != "local_friction_patch" for e in world.effects) <= 1
-
-
-def test_a_quarter_of_the_worlds_is_mujocos(worlds):
-    assert sum(w.engine == "mujoco" for w in worlds) >= len(worlds) / 4

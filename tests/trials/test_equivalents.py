@@ -7,7 +7,7 @@ import pytest
 from gpsim.trials import concealing as concealment
 from gpsim.trials.blinding import Answer
 from gpsim.trials.drawing import draw
-from gpsim.trials.fits import Rival, rivals
+from gpsim.trials.fits import rivals
 from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10
@@ -80,9 +80,3 @@ def test_a_gain_of_a_swinging_pendulum_is_a_mass(monkeypatch):
     answer = Answer(content, [e.states for e in concealed.clean.episodes], None, None)
     equal = {r.claims for r in rivals(answer, concealed.recordings[0]) if r.equivalent}
     assert (("parameter_offset", "mass"),) in equal
-
-
-def test_one_that_gains_is_an_equivalent_and_a_richer_one_is_not():
-    assert Rival((("spring", "q"),), -50.0, richer=False).equivalent
-    assert not Rival((("spring", "q"),), 3.1, richer=False).equivalent
-    assert not Rival((("spring", "q"),), -50.0, richer=True).equivalent

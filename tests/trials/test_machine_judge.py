@@ -62,10 +62,6 @@ def test_a_gain_stands_for_a_mass_with_the_friction_that_goes_with_it_and_a_spri
     assert judge.standing([MASS, DAMPING]).effects == TRUTH
 
 
-def test_what_does_nothing_stands_for_nothing_that_could_not_be_seen_either(judge):
-    assert judge.standing([MASS, DAMPING, BIAS, RATE]).stands == {}
-
-
 def test_a_whole_explanation_is_as_good_or_not(judge):
     assert judge.equivalent([GAIN, DAMPING, PUSH])
     assert not judge.equivalent([GAIN, DAMPING])

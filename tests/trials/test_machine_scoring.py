@@ -10,7 +10,7 @@ from gpsim.trials.scoring_parts import black_box, of_first, score_machine
 from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import TrueEffect, effect_json
 
-from .test_scoring import answer, report, said
+from .test_scoring import WORLD, answer, report, said
 
 OWN = [
     TrueEffect("viscous_friction", "q", {"damping": 1.05}),
@@ -87,12 +87,6 @@ def test_what_is_told_and_not_there_is_spurious_headline_or_slight():
     assert scored(effects=[DAMPING, MASS, late], late={"q": 0.01})["spurious"] == 0
 
 
-def test_a_nuisance_that_the_catalogue_has_a_word_for_may_be_told_by_it():
-    named = said("cogging_force", name="amplitude")
-    assert scored(effects=[DAMPING, MASS, named])["spurious"] == 0
-    assert scored(effects=[DAMPING, MASS, named | {"on": "x"}])["spurious"] == 1
-
-
 def test_what_explains_as_much_stands_for_an_effect_with_the_sizes_that_go_with_it():
     assert scored(effects=[DAMPING, GAIN])["spurious"] == 1
     instead = [
@@ -151,11 +145,6 @@ def test_of_several_recordings_what_is_said_of_the_first_counts():
 
 @pytest.fixture
 def content():
-    beside = {
-        "long": False, "scored": True, "error": None, "rivals": [], "sindy": None, "system": "slider",
-        "velocities": "measured", "noise_level": "light", "strength": "", "excitation": "multisine", "engine": "rk4",
-        "gate": "everywhere", "noise_known": True, "defects": ["dropped"], "effects": [], "git_commit": None,
-    }  # fmt: skip
     found = [
         scored(),
         scored(effects=[DAMPING, said("spring", name="stiffness")], found=listing(rollouts={"q": 2.0})),
@@ -163,7 +152,7 @@ def content():
         scored(effects=[DAMPING, MASS]) | {"black_box": 0.5},
         score_machine(machine_answer(), None, listing()),
     ]
-    trials = [s | beside | {"trial": f"30000{i}", "seconds": 60.0 + i} for i, s in enumerate(found)]
+    trials = [s | WORLD | {"trial": f"30000{i}", "seconds": 60.0 + i} for i, s in enumerate(found)]
     facts = {"undiagnosed": [], "seed": 77, "diagnosed_under": ["x"], "git_commit": None}
     return facts | summarise(trials) | {"every_miss": miss_rows(trials), "scores": trials}
 

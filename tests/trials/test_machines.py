@@ -11,7 +11,7 @@ from gpsim.recordings import read_recording
 from gpsim.stages import prove
 from gpsim.trials import blinding
 from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, recording_folders, write_trial
-from gpsim.trials.driving import FREE, drive, starts
+from gpsim.trials.driving import FREE
 from gpsim.trials.machines import (
     ARM,
     FEWEST,
@@ -19,14 +19,11 @@ from gpsim.trials.machines import (
     MOST,
     PARTS,
     Sizes,
-    draw_machine,
     kind_of,
     parts_of,
 )
-from gpsim.trials.robots.draws import ARMS, arms_places
-from gpsim.trials.robots.models import layout_of
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import FROM, SYSTEMS, Machine, Session, TrueEffect, world_from_json, world_json
+from gpsim.trials.worlds import FROM, SYSTEMS, Machine, TrueEffect
 
 from .outside_worlds import BOB, CART, world_of
 
@@ -70,29 +67,6 @@ def test_numbers_of_machines_follow_the_others_and_have_arms_where_their_models_
 
 
 # How it is driven
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("shape", ["trapezoid", "triangle", "multisine"])
-@pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole"])
-def test_the_controller_follows_its_reference(system, shape):
-    posture = {"posture": "hanging"} if system == "cartpole" else {}
-    machine = {"machine": Machine("servo", False, ())} if system == "pendulum" else {}
-    world = world_of(
-        system, excitation=shape, dt=0.01, steps=400, parameters=NOMINAL[system], **posture, **machine
-    )
-    ran = run(world, ())
-    loop = drive(world)
-    error = ran.sampled[:-1, :, 0] - loop.reference[..., 0]
-    assert np.sqrt(np.mean(error**2)) < 0.35 * loop.reference[..., 0].std()
-    assert np.abs(ran.commands).max() <= loop.limit
-
-
-def test_a_free_swing_commands_nothing():
-    world = world_of("pendulum", excitation=FREE, dt=0.01)
-    ran = run(world, ())
-    assert not ran.commands.any()
-    assert np.abs(starts(world)[:, 0]).max() > 0.2
 
 
 # What truly moves
@@ -150,28 +124,6 @@ def test_a_rig_that_swings_freely_loses_what_its_frictions_take():
     assert np.diff(energy, axis=0).max() < 1e-9
 
 
-def test_another_recording_is_the_same_machine_driven_otherwise():
-    effects = (
-        TrueEffect("viscous_friction", "q", {"damping": 1.0}),
-        TrueEffect("coulomb_friction", "q", {"force": 0.5}),
-    )
-    second = Session("triangle", "", 3, 80, 12.5, {"q": 0.1}, {"coulomb_friction on q": {"force": 0.7}})
-    machine = Machine("axis", False, (Session("multisine", "", 4, 60), second))
-    world = world_of("slider", effects, excitation="multisine", machine=machine)
-    other = world.recorded_as(1)
-    assert world.recorded_as(0) is world
-    assert (other.excitation, other.episodes, other.steps) == ("triangle", 3, 80)
-    assert [dict(e.values) for e in other.effects] == [{"damping": 1.0}, {"force": 0.7}]
-    assert not np.array_equal(world.generator(3).random(4), other.generator(3).random(4))
-    plain = json.loads(json.dumps(world_json(world)))
-    effects_json = [
-        {"family": e.family, "on": e.on, "parameters": dict(e.values), "region": {}, "since": None,
-         "outside": False, "strength": ""}
-        for e in effects
-    ]  # fmt: skip
-    assert world_from_json(plain, effects_json).recorded_as(1) == other
-
-
 # What is written
 
 
@@ -204,13 +156,6 @@ def test_the_answer_has_effects_that_count_and_small_nuisances(written):
     assert answer["stratum"] == "machines"
 
 
-def test_the_same_number_draws_the_same_machine(written):
-    _, answer = written
-    again = draw_machine(SEED, CAR, answer["world"]["attempt"])
-    assert json.loads(json.dumps(world_json(again))) == answer["world"]
-    assert [e.name for e in again.effects] == [f"{e['family']} on {e['on']}" for e in answer["effects"]]
-
-
 def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
     for name in "12":
         folder = tmp_path / PUBLIC / "300001" / name
@@ -223,20 +168,6 @@ def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
 
 
 # Arms
-
-
-@pytest.mark.parametrize("robot", ARMS)
-def test_an_arm_has_friction_of_both_kinds_a_payload_and_four_to_eight_effects(robot):
-    pytest.importorskip("mujoco")
-    if robot == "ur5":
-        pytest.importorskip("example_robot_data")
-    for seed in range(20):
-        places = arms_places(robot, np.random.default_rng(seed))
-        families = [family for family, _ in places]
-        assert FEWEST <= len(places) <= MOST
-        assert len(set(places)) == len(places)
-        assert {"coulomb_friction", "viscous_friction", "payload"} <= set(families)
-        assert len(layout_of(robot).joints) in range(4, 8)
 
 
 @pytest.mark.slow

@@ -104,12 +104,6 @@ def test_a_command_becomes_what_its_law_says(kind, values, expected, near):
     assert np.abs(found - COMMAND).max() > 0.2
 
 
-def test_outages_are_as_frequent_as_their_share():
-    command = 1.0 + np.arange(len(T))
-    missed = acted("lost_commands", {"share": 0.25, "outage": 3e-3, "phase": 2.0}, command) != command
-    assert missed.mean() == pytest.approx(0.25, abs=0.08)
-
-
 def test_a_drive_folds_back_when_hot_and_recovers_when_cool():
     values = {"share": 0.6, "rated": 2.0, "reset": 0.7, "time": 0.1}
     out = -acted("overload_foldback", values, np.full(len(T), -2.5))

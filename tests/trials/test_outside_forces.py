@@ -8,7 +8,7 @@ from gpsim.trials.bodies import Body, Now
 from gpsim.trials.outside import KINDS
 from gpsim.trials.worlds import SYSTEMS, TrueEffect, dynamics
 
-from .outside_worlds import BOB, CART, H, driven, effect_of
+from .outside_worlds import BOB, CART, H, driven
 
 PARAMETERS = {"slider": {"mass": 2.0}, "pendulum": BOB, "cartpole": CART}
 UNEVEN = {"amplitude": 0.9, "wave_number": 6.0, "phase": 0.5}
@@ -73,22 +73,6 @@ def test_a_force_is_its_formula_or_the_slope_of_its_energy(kind, values, force):
     found = pushed(kind, "theta", "pendulum", values, s, t)[:, 0]
     np.testing.assert_allclose(found, force(*s.T, t), rtol=1e-5, atol=2e-5)
     assert np.abs(found).max() > 0.5
-
-
-LANDMARKS = [  # that docstrings name: kind, q, v, force
-    ("magnetic_detent", 0.3, 0.0, -3.0), ("eddy_brake", 0.0, 0.7, -3.0), ("magnetic_bumper", 0.4, 0.0, -5.0),  # most
-    ("magnetic_bumper", 0.2, 0.0, -5.0 / 16), ("soft_stop", 0.5, -1.9, 0.0),  # twice as far off; it never pulls
-    ("toggle_spring", 0.1 + np.sqrt(0.35**2 - 0.15**2), 0.0, 0.0), ("dragged_cable", 0.2, 1.0, 0.0),  # relaxed; slack
-    ("shear_thinning", 0.0, 1e-3, -3e-3), ("shear_thinning", 0.0, 40.0, -0.3 * 400**0.4),  # Newton's; a power law
-    ("drag_crisis", 0.0, 0.5, -0.5), ("drag_crisis", 0.0, -2.0, 1.6),  # quadratic on either side
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("kind", "q", "v", "force"), LANDMARKS)
-def test_a_force_at_its_landmarks(kind, q, v, force):
-    values = next(values for name, values, _ in FORCES if name == kind)
-    found = pushed(kind, "theta", "pendulum", values, np.array([[q, v]]), np.zeros(1))[0, 0]
-    assert found == pytest.approx(force, rel=1e-3, abs=1e-5)
 
 
 PLACES, SPEEDS = 1e-5 * np.eye(4)[::2], 1e-5 * np.eye(4)[1::2]
@@ -199,14 +183,6 @@ def test_energy_and_momentum_go_where_they_should(system, kind, values, start, p
     has, gained = balance(*s.T, z.T, H * np.arange(len(s)))
     has = np.atleast_2d(has)
     np.testing.assert_allclose(has - has[:, :1], np.broadcast_to(gained, has.shape), rtol=0, atol=near)
-
-
-@pytest.mark.parametrize(("system", "c"), [("slider", 0), ("pendulum", 0), ("cartpole", 0), ("cartpole", 1)])
-def test_inertia_stays_positive_at_its_plainest(system, c):
-    s = np.random.default_rng(2).uniform(-3.2, 3.2, (500, len(SYSTEMS[system].state)))
-    mass = np.linalg.inv(dynamics(system, PARAMETERS[system], s, np.zeros((500, 1)))[0])
-    mass[:, c, c] -= effect_of("uneven_inertia", system, 1.0, c).values["amplitude"]
-    assert (np.linalg.eigvalsh(mass) > 0).all()
 
 
 def test_every_kind_of_a_body_is_held_against_something():

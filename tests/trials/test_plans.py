@@ -8,8 +8,7 @@ import pytest
 from gpsim.stages.prove import numbers_of
 from gpsim.trials.concealing import conceal, played
 from gpsim.trials.drawing import HIDDEN, box_of, draw_plan
-from gpsim.trials.plan_rivals import PLANNED, Decided, Second, compared
-from gpsim.trials.scoring_parts import score_plan_kinds
+from gpsim.trials.plan_rivals import compared
 from gpsim.trials.worlds import FROM, TrueEffect, numbered
 
 
@@ -50,15 +49,6 @@ def test_what_is_played_begins_at_rest_and_whoever_leaves_the_box_is_stopped(lat
     assert np.abs(second.episodes[0].states[:, 0]).max() < 6.0 * noise
     other, _ = played(late.world, still[:, None], box_of(late.world))
     assert not np.array_equal(other.episodes[0].states[:, 0], late.recordings[0].episodes[0].states[:41, 0])
-
-
-def test_seconds_are_those_of_the_part_after_which_it_was_decided():
-    second = Second(20.0, True, {PLANNED: Decided(0.25, 9.0, False), "chirp": Decided(None, 1.0, True)})
-    assert score_plan_kinds(second) == {
-        PLANNED: {"nats": 9.0, "seconds": 5.0, "left": False},
-        "chirp": {"nats": 1.0, "seconds": None, "left": True},
-    }
-    assert score_plan_kinds(None) == {}
 
 
 def test_a_truth_that_no_explanation_holds_is_not_compared(late):

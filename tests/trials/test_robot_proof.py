@@ -11,14 +11,14 @@ from gpsim.errors import UsageError
 from gpsim.mjcf import in_its_columns, load_mjcf
 from gpsim.recordings import read_recording
 from gpsim.reports.prove_sheets import goals_sheet
-from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials.blinding import publish_hashes, recording_digests, reveal, trial_name, write_trial
 from gpsim.trials.fits import Rival
-from gpsim.trials.robots.draws import stratum_of
 from gpsim.trials.robots.models import files_of
 from gpsim.trials.scoring import score
 from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import FROM
+
+from .test_scoring import WORLD
 
 pytest.importorskip("mujoco")
 pytest.importorskip("dm_control")
@@ -69,16 +69,6 @@ def test_a_file_that_the_model_includes_is_part_of_what_was_diagnosed(concealed)
         touched.write_text(before)
 
 
-def test_trials_are_counted_by_stratum_and_leave_the_others_numbers_alone():
-    assert robots_numbers(3) == [FROM["robots"] + 1, FROM["robots"] + 2, FROM["robots"] + 3]
-    assert {stratum_of(n - FROM["robots"])[0] for n in robots_numbers(5, ["pair"])} == {"pair"}
-    assert max(numbers_of(20, rough=5)) < FROM["robots"]
-    with pytest.raises(UsageError, match="no stratum 'triple' of --system mjcf"):
-        robots_numbers(3, ["triple"])
-    with pytest.raises(UsageError, match="no worlds"):
-        robots_numbers(0)
-
-
 def _answer(stratum="single", effects=(("actuator_gain", "elbow_cmd", {"gain": 1.2}),)):
     content = {
         "stratum": stratum,
@@ -121,10 +111,7 @@ def test_the_true_name_is_right_another_only_if_it_is_an_equivalent_and_a_gate_n
 
 
 def test_figures_of_robots_stand_by_themselves_and_have_goals():
-    world = {
-        "visible": True, "long": False, "seconds": 5.0, "system": "arm", "velocities": None, "excitation": "sines",
-        "strength": "plain", "noise_known": True, "trial": NAME,
-    }  # fmt: skip
+    world = WORLD | {"system": "arm", "velocities": None, "trial": NAME}
     quiet, alarm = (
         score(_answer("none", ()), r, [])
         for r in (_report(verdict="none"), _report(_said(), verdict="named"))

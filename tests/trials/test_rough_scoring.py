@@ -8,7 +8,7 @@ from gpsim.trials.scoring_parts import rough_verdicts
 from gpsim.trials.summary import summarise
 from gpsim.trials.worlds import TrueEffect
 
-from .test_scoring import DAMPED, STRANGE, answer, report, said
+from .test_scoring import DAMPED, STRANGE, WORLD, answer, report, said
 
 PAIR = [*DAMPED, TrueEffect("actuator_delay", "force", {"delay": 0.05})]
 NUISANCE = TrueEffect("cogging", "q", {"amplitude": 0.1}, outside=True)
@@ -35,25 +35,15 @@ def slight(family, on="q", **more):
     return headline(family, on, **more) | {"role": "slight"}
 
 
-# The verdict that a share calls for
+VERDICTS = {
+    1.0: {"named"}, 0.931: {"named"}, 0.929: {"named", "partial"}, 0.871: {"named", "partial"}, 0.869: {"partial"},
+    0.531: {"partial"}, 0.529: {"partial", "unknown"}, 0.471: {"partial", "unknown"}, 0.469: {"unknown"},
+}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("explained", "verdicts"),
-    [
-        (1.0, {"named"}),
-        (0.931, {"named"}),
-        (0.929, {"named", "partial"}),
-        (0.871, {"named", "partial"}),
-        (0.869, {"partial"}),
-        (0.531, {"partial"}),
-        (0.529, {"partial", "unknown"}),
-        (0.471, {"partial", "unknown"}),
-        (0.469, {"unknown"}),
-        (0.0, {"unknown"}),
-    ],
-)
-def test_near_a_threshold_both_verdicts_are_right(explained, verdicts):
+@pytest.mark.parametrize("explained", VERDICTS)
+def test_near_a_threshold_both_verdicts_are_right(explained):
+    verdicts = VERDICTS[explained]
     assert rough_verdicts(explained, equivalents=False) == verdicts
     both = verdicts | {"ambiguous"} if "named" in verdicts else verdicts
     assert rough_verdicts(explained, equivalents=True) == both
@@ -106,25 +96,6 @@ def test_a_late_topic_may_be_called_a_late_sensor():
     assert score(rough_answer(DAMPED, late={"q": 0.01, "q_dot": 0.01}), command, [])["spurious"] == 0
 
 
-def test_intervals_of_the_main_effects_that_were_found_are_judged():
-    told = report("named", [headline("viscous_friction"), headline("spring", name="stiffness")])
-    (parameter,) = score(rough_answer(PAIR), told, [])["parameters"]
-    assert (parameter["family"], parameter["covered"]) == ("viscous_friction", True)
-    off = report("named", [headline("viscous_friction", low=1.06, value=1.1, high=1.2)])
-    assert not score(rough_answer(PAIR), off, [])["parameters"][0]["covered"]
-    assert score(rough_answer(PAIR), report("named", [slight("viscous_friction")]), [])["parameters"] == []
-
-
-def test_a_failed_diagnosis_finds_nothing():
-    found = score(rough_answer(DAMPED), None, [])
-    assert (found["verdict"], found["found"], found["right"], found["verdict_right"]) == (
-        "failed",
-        0.0,
-        False,
-        False,
-    )
-
-
 # Outside the catalogue, and plain worlds
 
 
@@ -164,12 +135,7 @@ def scored(trial, said_effects, verdict="named", explained=0.95, effects=PAIR):
     found = score(
         rough_answer(effects, explained), None if verdict is None else report(verdict, said_effects), []
     )
-    return found | {
-        "trial": f"{100_000 + trial}", "long": False, "scored": True, "error": None, "rivals": [], "sindy": None,
-        "seconds": 10.0 + trial, "system": "slider", "velocities": "measured", "noise_level": "light", "strength": "",
-        "excitation": "tracking", "engine": "rk4", "gate": "everywhere", "noise_known": True, "defects": ["dropped"],
-        "effects": [],
-    }  # fmt: skip
+    return found | WORLD | {"trial": f"{100_000 + trial}", "seconds": 10.0 + trial}
 
 
 @pytest.fixture

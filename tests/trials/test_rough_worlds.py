@@ -6,15 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.stages import prove
-from gpsim.trials import outside
 from gpsim.trials.blinding import ANSWER, PUBLIC, write_trial
 from gpsim.trials.concealing import conceal, even_recording, logged
 from gpsim.trials.shares import Shares
 from gpsim.trials.truth import Replay, run
-from gpsim.trials.worlds import FROM, SYSTEMS, Rough, TrueEffect, world_from_json
+from gpsim.trials.worlds import FROM, SYSTEMS, Rough, TrueEffect
 
 from .outside_worlds import world_of
 
@@ -116,13 +113,6 @@ def test_what_several_effects_hide_is_known_one_by_one():
     assert Replay(world, truth, [effects[2]])._hidden == [2, 3]
 
 
-def test_tuning_may_see_what_was_revealed_and_nothing_else():
-    tuning = outside.nuisances(7)
-    assert {kind.since for kind in tuning.values()} == {None, 0, 2028, 2029, 2030, 2031}
-    assert outside.nuisances(2040) == outside.drawn(2040)
-    assert not {name for name, kind in outside.KINDS.items() if kind.since == 2040} & set(tuning)
-
-
 # How it is driven
 
 
@@ -150,13 +140,6 @@ def even():
 
 def states_of(recording):
     return np.concatenate([e.states for e in recording.episodes])
-
-
-def test_a_log_without_defects_is_the_even_recording(even):
-    world, recording = even
-    log = logged(world, Rough(), recording)
-    np.testing.assert_array_equal(states_of(log.recording), states_of(recording))
-    assert set(log.counts.values()) == {0}
 
 
 def test_encoders_count_in_steps(even):
@@ -232,14 +215,6 @@ def test_a_rough_world_is_written_and_read_and_the_same_every_time(tmp_path):
     assert not {"rough", "outside"} & set((folders[0] / "recording.yaml").read_text().split())
 
 
-def test_the_answer_holds_what_decides(concealed):
-    content = concealed.answer("0")
-    assert content["stratum"] == "rough"
-    assert content["rough"]["explained"] == concealed.rough["explained"]
-    assert content["rough"]["defects"] == list(concealed.world.rough.defects)
-    assert world_from_json(content["world"], content["effects"]) == concealed.world
-
-
 PLAIN = {
     (7, 5): (
         "673372a202429b9944c2c0a730fb5519510f25ceda2c0dbeaee246d158208e85",
@@ -262,11 +237,3 @@ def test_plain_worlds_are_byte_for_byte_what_they_were(seed, number, tmp_path):
 
 
 # Numbers
-
-
-def test_rough_worlds_are_counted_behind_all_others():
-    assert prove.numbers_of(3, rough=2) == [1, 2, 3, FROM["rough"] + 1, FROM["rough"] + 2]
-    with pytest.raises(UsageError, match="--rough 20"):
-        prove.numbers_of(3, ["rough"])
-    with pytest.raises(UsageError, match="no worlds"):
-        prove.numbers_of(0)

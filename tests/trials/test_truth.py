@@ -19,9 +19,6 @@ from gpsim.trials.worlds import (
     Scales,
     TrueEffect,
     dynamics,
-    effect_json,
-    world_from_json,
-    world_json,
 )
 
 
@@ -86,14 +83,6 @@ def test_every_law_is_the_catalogues_though_written_twice(family, system, on):
     changed = np.abs(said - driven.clean[LENGTH]).max()
     few = 1e-6 if family in catalogue.LAST_SENSORS else 1e-9  # a range may leave these readings as they are
     assert np.abs(read - said).max() < 1e-2 * changed + few
-
-
-def test_a_delayed_sensor_says_what_was():
-    past = np.arange(100.0)[:, None, None] * np.ones((1, 2, 2))
-    effect = TrueEffect("sensor_delay", "q_dot", {"delay": 0.02})
-    read = sense([effect], ("q", "q_dot"), past, 50, H)
-    assert read.tolist() == [[50.0, 30.0]] * 2
-    assert sense([effect], ("q", "q_dot"), past, 5, H).tolist() == [[5.0, 0.0]] * 2
 
 
 def test_cartpoles_mass_matrix_is_that_of_the_simulator():
@@ -162,12 +151,6 @@ def test_no_kind_outside_is_a_family_of_the_catalogue():
     assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
     assert not set(outside.KINDS) & set(FAMILIES)
     assert set(catalogue.SMOOTH) | set(catalogue.GRIP) | set(catalogue.TWIST) <= set(FAMILIES)
-
-
-def test_a_world_survives_its_json():
-    world = drawing.draw(1, 6)
-    again = world_from_json(world_json(world), [effect_json(e) for e in world.effects])
-    assert again == world
 
 
 def test_a_rate_limit_acts_for_the_part_of_a_millisecond_that_it_takes():

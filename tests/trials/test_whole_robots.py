@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials import concealing as robot_worlds
 from gpsim.trials.blinding import recording_digests, write_trial
 from gpsim.trials.judged import bodies_off
 from gpsim.trials.robots import whole
 from gpsim.trials.robots.driving import run_whole, sound
-from gpsim.trials.robots.models import WHOLE, files_of, layout_of, robot_of, spec_of
+from gpsim.trials.robots.models import WHOLE, layout_of, robot_of
 from gpsim.trials.robots.moving import Plant, Stepped, step_of
 from gpsim.trials.robots.whole import (
     ROWS,
@@ -83,16 +81,6 @@ def test_a_whole_robot_has_three_rows_a_joint_in_the_drives_sizes_and_one_or_two
     assert draw_whole(3, FROM["whole"] + 1) != draw_whole(4, FROM["whole"] + 1)
 
 
-def test_servos_are_published_with_the_gains_of_their_drives():
-    (text,) = files_of("planar_servos").values()
-    assert text == files_of("planar_servos")["planar.xml"]
-    model = spec_of("planar_servos").compile()
-    np.testing.assert_allclose(model.actuator_gainprm[:, 0], np.array([12.0, 5.0]) / 0.06, rtol=1e-3)
-    assert layout_of("planar_servos").servos == ("shoulder_servo", "elbow_servo")
-    motors = spec_of("planar").compile()
-    np.testing.assert_allclose(motors.actuator_ctrlrange[:, 1], [12.0, 5.0])
-
-
 def stepped(effects, seconds, h):
     plant = Stepped("planar", effects, h)
     plant.begin(STATE)
@@ -109,14 +97,6 @@ def test_two_codes_of_the_truth_move_alike(effects, near):
     bare = stepped((), 0.3, h)
     assert np.abs(row[0] - bare).max() > 0.05
     np.testing.assert_allclose(stepped(effects, 0.3, h), row[0], atol=near)
-
-
-def test_dry_friction_holds_what_is_below_it():
-    strong = [TrueEffect("coulomb_friction", joint, {"force": 8.0}) for joint in ("shoulder", "elbow")]
-    plant = Stepped("planar", strong, step_of("planar"))
-    plant.begin(np.array([[0.5, 0.0, -0.3, 0.0]]))
-    after = plant.sample(np.zeros((1, 2)), np.zeros((1, 2)), 4000)[0]
-    np.testing.assert_allclose(after[0::2], [0.5, -0.3], atol=1e-4)
 
 
 def test_late_commands_act_for_the_rest_of_a_sample():
@@ -183,13 +163,3 @@ def test_what_is_logged_of_an_encoder_is_positions_in_steps_with_rows_lost(plana
     (again / "public").mkdir(parents=True)
     write_trial(again, 3, FROM["whole"] + 1)
     assert recording_digests(again / "public" / name) == digests
-
-
-def test_whole_robots_are_counted_by_themselves_and_leave_the_others_numbers_alone():
-    assert robots_numbers(0, whole=2) == [FROM["whole"] + 1, FROM["whole"] + 2]
-    assert len(robots_numbers(3, ["pair"], 2)) == 5
-    assert max(numbers_of(20, rough=5, machines=5)) < FROM["whole"]
-    with pytest.raises(UsageError, match="no worlds"):
-        robots_numbers(0)
-    with pytest.raises(UsageError, match="--robots 20"):
-        robots_numbers(3, ["whole"])

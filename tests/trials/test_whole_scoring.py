@@ -11,6 +11,8 @@ from gpsim.trials.robots import spec_of
 from gpsim.trials.scoring_parts import score_whole
 from gpsim.trials.summary import summarise
 
+from .test_scoring import WORLD
+
 pytest.importorskip("mujoco")
 TRUE = [
     ("viscous_friction", "shoulder", {"damping": 0.2}, 0.2),
@@ -24,24 +26,21 @@ TRUE = [
 
 
 def answer(effects=TRUE):
-    content = {
-        "stratum": "whole",
-        "whole": {"model": "planar.xml", "defects": [], "rows": {}},
-        "effects": [
-            {
-                "family": f,
-                "on": on,
-                "parameters": k,
-                "region": {},
-                "since": None,
-                "outside": False,
-                "share": s,
-            }
-            for f, on, k, s in effects
-        ],
-    }
+    told = [
+        {"family": f, "on": on, "parameters": k, "region": {}, "since": None, "outside": False, "share": s}
+        for f, on, k, s in effects
+    ]
     world = SimpleNamespace(system="planar_servos", noise={"shoulder": 1e-3, "elbow": 1e-3})
-    return SimpleNamespace(content=content, claims=[(f, on) for f, on, _, _ in effects], world=world)
+    return SimpleNamespace(
+        content={"stratum": "whole", "effects": told},
+        claims=[(f, on) for f, on, _, _ in effects],
+        world=world,
+    )
+
+
+def report(effects, verdict="named", combinations=()):
+    named = [{"of": list(of)} for of in combinations]
+    return {"verdict": verdict, "effects": list(effects), "alternatives": [], "combinations": named}
 
 
 def said(family, on, name, value, width=0.01, role="headline"):
@@ -51,15 +50,6 @@ def said(family, on, name, value, width=0.01, role="headline"):
 
 def all_of_it():
     return [said(f, on, *next(iter(k.items()))) for f, on, k, _ in TRUE]
-
-
-def report(effects, verdict="named", combinations=()):
-    return {
-        "verdict": verdict,
-        "effects": list(effects),
-        "alternatives": [],
-        "combinations": [{"of": list(of)} for of in combinations],
-    }
 
 
 def scored(effects, off=0.0, rollouts=1.1, **more):
@@ -130,19 +120,11 @@ def test_only_headlines_are_spurious_and_the_same_by_another_name_is_not():
     assert scored([*all_of_it(), said("joint_offset", "shoulder", "offset", 0.01)])["spurious"] == 1
 
 
-def with_world(score, trial, **more):
-    world = {
-        "trial": trial, "visible": True, "long": False, "seconds": 100.0, "system": "planar_servos", "velocities": None,
-        "excitation": "fourier", "strength": "", "noise_known": True, "noise_level": "normal", "effects": [],
-        "defects": ["quantised"], "error": None,
-    }  # fmt: skip
-    return {**score, **world, **more}
-
-
 def test_figures_of_whole_robots_stand_by_themselves_with_intervals_and_goals():
     good, poor = scored(all_of_it()), scored(all_of_it()[:1], off=0.9, rollouts=3.0, verdict="partial")
     failed = score_whole(answer(), None, None)
-    scores = [with_world(s, str(400_001 + i)) for i, s in enumerate((good, poor, failed))]
+    world = WORLD | {"system": "planar_servos", "velocities": None, "strength": ""}
+    scores = [{**s, **world, "trial": str(400_001 + i)} for i, s in enumerate((good, poor, failed))]
     found = summarise(scores)
     block = found["whole"]
     assert (block["n"], block["failed"], block["right"]) == (3, 1, 1)

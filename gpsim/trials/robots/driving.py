@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +11,7 @@ from scipy.linalg import solve_discrete_are
 
 from gpsim.channels import FloatArray
 from gpsim.trials.bodies import mujoco
+from gpsim.trials.driving import Driving
 from gpsim.trials.robots.models import Way, layout_of, robot_of, spec_of
 from gpsim.trials.robots.moving import FAR, Plant, Stepped, frame_of, step_of, touch_free
 from gpsim.trials.truth import driven, noise_of
@@ -34,30 +34,25 @@ OWN_SPEED, OWN_ROOM = 0.6, 0.9  # of a joint's speed, and of its way to its limi
 STIFF, CRITICAL = 8.0, 0.8  # rad/s and damping of the controller that tracks
 
 
-@dataclass(frozen=True)
-class Driving:
-    """command = clip(base + gains (reference - readings)); reference: (K + 1, E, S), base: (K, E, A).
+def _driven(
+    reference: FloatArray, base: FloatArray, gains: FloatArray, low: FloatArray, high: FloatArray, weighed: Any = None
+) -> Driving:  # fmt: skip
+    """Commands clip(base + gains (reference - readings)); reference: (K + 1, E, S), base: (K, E, A), gains (A, S).
 
-    weighed: MuJoCo's model and data, by which gravity's part is added; None where nothing is.
+    weighed: MuJoCo's model, by which gravity's part is added; None where nothing is.
     """
+    data = None if weighed is None else mujoco().MjData(weighed)
 
-    reference: FloatArray
-    base: FloatArray
-    gains: FloatArray  # (A, S)
-    low: FloatArray  # (A,)
-    high: FloatArray
-    weighed: tuple[Any, Any] | None = field(default=None, repr=False)
-
-    def command(self, k: int, measured: FloatArray) -> FloatArray:
-        """(E, A) what is commanded from sample k to k + 1, given the readings (E, S)."""
-        wanted = self.base[k] + (self.reference[k] - measured) @ self.gains.T
-        if self.weighed is not None:
-            model, data = self.weighed
+    def command(k: int, measured: FloatArray) -> FloatArray:
+        wanted = base[k] + (reference[k] - measured) @ gains.T
+        if data is not None:
             for row, read in zip(wanted, measured, strict=True):
                 data.qpos[:], data.qvel[:] = read[0::2], 0.0
-                mujoco().mj_forward(model, data)
+                mujoco().mj_forward(weighed, data)
                 row += data.qfrc_bias
-        return np.asarray(np.clip(wanted, self.low, self.high))
+        return np.asarray(np.clip(wanted, low, high))
+
+    return command
 
 
 def _way_of(world: World) -> Way:
@@ -92,7 +87,7 @@ def drive(world: World) -> Driving:
     gains = np.zeros((len(layout.action), reference.shape[2]))
     joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
     if way == "servo":
-        return Driving(reference, rest[joints] + reach[joints] * size * signal, gains, low, high)
+        return _driven(reference, rest[joints] + reach[joints] * size * signal, gains, low, high)
     if way in ("balance", "torque"):
         path = _signal("sines", (*shape, len(rest)), world.dt, rng, 0.5 if way == "torque" else 0.2)
         reference[..., 0::2] += 0.8 * reach * path
@@ -107,12 +102,12 @@ def drive(world: World) -> Driving:
         low, high = np.where(limited, low, -plenty), np.where(limited, high, plenty)
         inertia = np.array(model.dof_M0)
         gains[:, 0::2], gains[:, 1::2] = np.diag(inertia * TRACKING**2), np.diag(1.4 * inertia * TRACKING)
-        weighed = (model, mujoco().MjData(model))
+        weighed = model
     else:  # a weak pull back to rest on every joint that has an actuator
         for i, j in enumerate(joints):
             most = float(model.actuator_ctrlrange[i, 1])
             gains[i, 2 * j], gains[i, 2 * j + 1] = 0.5 * most / robot.reach[j], 0.1 * most / robot.reach[j]
-    return Driving(reference, DITHER[way] * high * size * signal[:-1], gains, low, high, weighed)
+    return _driven(reference, DITHER[way] * high * size * signal[:-1], gains, low, high, weighed)
 
 
 def _fourier(world: World, rng: Rng) -> Driving:
@@ -129,14 +124,14 @@ def _fourier(world: World, rng: Rng) -> Driving:
     gains = np.zeros((len(joints), reference.shape[2]))
     low, high = np.array(model.actuator_ctrlrange, dtype=np.float64).T
     if _way_of(world) == "servo":
-        return Driving(reference, q[:, :, joints], gains, low, high)
+        return _driven(reference, q[:, :, joints], gains, low, high)
     high = np.array(robot.drives.torque)[joints]
     rates = np.gradient(reference[..., 1::2], world.dt, axis=0)
     base = bare_torques(model, q, reference[..., 1::2], rates)[:, :, joints]
     moved = np.array(model.dof_M0)[joints] + high / robot.drives.spin[1]
     for i, j in enumerate(joints):
         gains[i, 2 * j : 2 * j + 2] = moved[i] * STIFF**2, 2.0 * CRITICAL * moved[i] * STIFF
-    return Driving(reference, base, gains, -high, high)
+    return _driven(reference, base, gains, -high, high)
 
 
 def _series(world: World, model: Any, rng: Rng) -> FloatArray:
@@ -251,7 +246,7 @@ def run_whole(world: World, h: float | None = None) -> Run:
     fine[0], free = state, np.ones((world.steps + 1, world.episodes))
     commands = np.empty((world.steps, world.episodes, len(layout_of(world.system).action)))
     for k in range(world.steps):
-        commands[k] = driving.command(k, fine[k] + noise[k])
+        commands[k] = driving(k, fine[k] + noise[k])
         # Nothing else was commanded before the start.
         before, now = (commands[max(k - back, 0)] for back in (held + 1, held))
         fine[k + 1] = np.nan_to_num(np.clip(plant.sample(before, now, n), -FAR, FAR))
