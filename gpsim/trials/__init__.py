@@ -22,19 +22,6 @@ never import this package, which knows the answers.
 """
 
 __all__ = [
-    "blinding",
-    "catalogue",
-    "concealing",
-    "drawing",
-    "figures",
-    "fits",
-    "intervals",
-    "machines",
-    "plan_rivals",
-    "robots",
-    "rough",
-    "scoring",
-    "scoring_parts",
-    "summary",
-    "worlds",
-]
+    "blinding", "catalogue", "concealing", "drawing", "figures", "fits", "intervals", "machines", "plan_rivals",
+    "robots", "rough", "scoring", "scoring_parts", "summary", "worlds",
+]  # fmt: skip

@@ -21,7 +21,7 @@ from gpsim.trials.drawing import box_of, draw, draw_plan, slow_waves
 from gpsim.trials.driving import played as by_commands
 from gpsim.trials.driving import sound
 from gpsim.trials.machines import ARM, counts, draw_machine, kind_of
-from gpsim.trials.outside_curves import true_curve
+from gpsim.trials.outside import true_curve
 from gpsim.trials.rough import draw_rough, within
 from gpsim.trials.shares import Shares, visibilities
 from gpsim.trials.truth import OneStep, one_step, run

@@ -19,7 +19,7 @@ from gpsim.channels import FloatArray
 from gpsim.trials import catalogue, outside
 from gpsim.trials.bodies import native
 from gpsim.trials.driving import BODY_SIGNALS, GRADED_SIGNALS, PLAYED, VEHICLE_SIGNALS
-from gpsim.trials.outside_curves import CURVES
+from gpsim.trials.outside import CURVES
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FROM,
@@ -32,6 +32,7 @@ from gpsim.trials.worlds import (
     Values,
     Velocities,
     World,
+    log_even,
     numbered,
     rounded,
 )  # fmt: skip
@@ -163,7 +164,7 @@ def bare_world(
     """Everything but the effects' strengths and the engine."""
     dt = float(rng.choice(system.steps))
     low, high = (20_000, 60_000) if long else (2_000, 12_000)
-    wanted = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    wanted = log_even(rng, low, high)
     steps = int(rng.uniform(120, 260) if system.vehicle else rng.uniform(160, 400))
     signals: tuple[str, ...] = VEHICLE_SIGNALS if system.vehicle else BODY_SIGNALS
     known = [outside.LAWS[f] for f, _ in effects]

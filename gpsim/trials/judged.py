@@ -227,38 +227,23 @@ def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Js
         return []
 
     def make() -> dict[str, Any]:
-        judged = map(RobotJudge(answer, out / PUBLIC / name).judged, others)
+        clean, _, simulator = opened(answer, out / PUBLIC / name)
+        fits, effects = Fits(clean, simulator, WINDOWS, ROBOT_FIT), answer.world.effects
+        # The truth's own misfit: the engine's numerical error. Where it is too large nothing can be said: all is lost.
+        own = fits.misfit(fits.of(effects)) if fits.known(effects) else math.inf
+        able = math.isfinite(own) and fits.explains(own)
+        judged = []
+        for claimed in others:
+            said = list(map(_as_true, claimed))
+            known = able and fits.known(said)
+            loss = round(fits.whole * (fits.misfit(fits.of(said)) - own), 3) if known else math.inf
+            richer = sum(len(e.values) for e in said) > sum(len(e.values) for e in effects)
+            judged.append(Rival(claims_of(claimed), loss, richer))
         return {"rivals": list(map(rival_json, judged))}
 
     told = [short for effects in others for short in _in_short(effects)]
     follows_from = {"robot_version": ROBOT_VERSION, **digests_of(outcome), "said": told}
     return sorted(rivals_from(kept_or_made(out, name, follows_from, make)), key=lambda r: r.loss)
-
-
-class RobotJudge:
-    """Fits explanations to the noise-free readings of a robot's world and tells what they lose against the truth."""
-
-    def __init__(self, answer: Answer, public: Path) -> None:
-        clean, _, simulator = opened(answer, public)
-        self._fits = Fits(clean, simulator, WINDOWS, ROBOT_FIT)
-        self._truth = answer.world.effects
-
-    def judged(self, effects: Sequence[Json]) -> Rival:
-        """An explanation as a report has it. Where the engine cannot explain the truth itself it loses everything."""
-        claims, said = claims_of(effects), list(map(_as_true, effects))
-        richer = sum(len(e.values) for e in said) > sum(len(e.values) for e in self._truth)
-        if self._own is None or not self._fits.known(said):
-            return Rival(claims, math.inf, richer)
-        lost = self._fits.misfit(self._fits.of(said)) - self._own
-        return Rival(claims, round(self._fits.whole * lost, 3), richer)
-
-    @cached_property
-    def _own(self) -> float | None:
-        """The truth's own misfit: the engine's numerical error. None where it is too large for anything to be said."""
-        if not self._fits.known(self._truth):
-            return None
-        own = self._fits.misfit(self._fits.of(self._truth))
-        return own if self._fits.explains(own) else None
 
 
 def claims_of(effects: Sequence[Json]) -> Claims:

@@ -25,7 +25,18 @@ from gpsim.trials.drawing import digits, noise_of
 from gpsim.trials.driving import CLOSED_LOOP, FREE, REFERENCES
 from gpsim.trials.rough import calibrated, nuisances, rough_log, shares_of
 from gpsim.trials.shares import Shares
-from gpsim.trials.worlds import FROM, SYSTEMS, Machine, Session, TrueEffect, Values, World, numbered, rounded
+from gpsim.trials.worlds import (
+    FROM,
+    SYSTEMS,
+    Machine,
+    Session,
+    TrueEffect,
+    Values,
+    World,
+    log_even,
+    numbered,
+    rounded,
+)
 
 Rng = np.random.Generator
 STEPS = {"axis": (0.005, 0.01, 0.02), "rig": (0.01, 0.02), "servo": (0.01, 0.02), "car": (0.05, 0.1)}
@@ -65,7 +76,7 @@ class Sizes:
 
     def size(self, low: float, high: float) -> float:
         """Evenly in the logarithm."""
-        return rounded(float(np.exp(self.rng.uniform(np.log(low), np.log(high)))))
+        return rounded(log_even(self.rng, low, high))
 
     def signed(self, low: float, high: float) -> float:
         """The same to either side."""
@@ -277,7 +288,7 @@ def _sessions(
     out = []
     for i, way in enumerate(ways):
         steps = int(rng.uniform(*LENGTH) / dt)
-        wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+        wanted = log_even(rng, *TRANSITIONS)
         balances = upright and way in CLOSED_LOOP
         posture = ("upright" if balances else "hanging") if kind == "rig" else ""
         changes = _changes(effects, changed, rng) if i else {}

@@ -27,6 +27,7 @@ from gpsim.trials.worlds import (
     TrueEffect,
     Velocities,
     World,
+    log_even,
     numbered,
 )  # fmt: skip
 
@@ -85,7 +86,7 @@ def _roughened(world: World, system: System, rng: Rng) -> World:
     The base simulator steps by Runge-Kutta: the mismatch, whose shares decide, is physics alone.
     """
     level = str(rng.choice(list(LEVELS), p=list(LEVELS.values())))
-    wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+    wanted = log_even(rng, *TRANSITIONS)
     upright = system.name == "cartpole" and rng.random() < 0.5
     return replace(
         world,
@@ -120,7 +121,7 @@ def rough_log(world: World, effects: tuple[TrueEffect, ...], rng: Rng) -> Rough:
 
     def share(kind: str, low: float, high: float) -> float:
         """Evenly in the logarithm; nothing where the log has not got it."""
-        drawn = digits(np.exp(rng.uniform(np.log(low), np.log(high))))
+        drawn = digits(log_even(rng, low, high))
         return drawn if kind in has else 0.0
 
     def topic() -> tuple[str, ...]:
@@ -188,11 +189,8 @@ def nuisances(seed: int, world: World, counts: Sequence[int], most: float, rng: 
     count = min(int(rng.choice(list(counts))), len(able))
     names = [str(name) for name in rng.choice(able, count, replace=False)]
     pairs = [(name, str(rng.choice(where[name]))) for name in names]
-    low, high = np.log([LEAST_SHARE * INSIDE, most / INSIDE])
-    return [
-        Nuisance(kind, on, float(np.exp(rng.uniform(low, high))), int(rng.integers(2**31)))
-        for kind, on in pairs
-    ]
+    low, high = LEAST_SHARE * INSIDE, most / INSIDE
+    return [Nuisance(kind, on, log_even(rng, low, high), int(rng.integers(2**31))) for kind, on in pairs]
 
 
 def calibrated(world: World, chosen: Sequence[Nuisance], fewest: int) -> World | None:

@@ -65,11 +65,15 @@ def limited(effects: Sequence[TrueEffect], names: tuple[str, ...], readings: Flo
 
 
 class Frame(NamedTuple):
-    """What a world's simulator is made of: its channels, its commands, and what moves with some effects."""
+    """What a world's simulator is made of: its channels, its commands, and what moves with some effects.
+
+    far: where a state that runs away is held.
+    """
 
     names: tuple[str, ...]
     actions: tuple[str, ...]
     body: Callable[[Sequence[TrueEffect], float], Moving]
+    far: float = FAR
 
 
 def frame_of(world: World) -> Frame:
@@ -120,9 +124,9 @@ def run(
 
 def driven(
     world: World, effects: Sequence[TrueEffect], frame: Frame, body: Moving, driving: Driving, state: FloatArray,
-    h: float, far: float = FAR,
+    h: float,
 ) -> Run:  # fmt: skip
-    """The run of a world from states (E, S), by fine steps of h s; far: where a state that runs away is held."""
+    """The run of a world from states (E, S), by fine steps of h s."""
     names, n, chain = frame.names, round(world.dt / h), ActuatorChain(frame, effects)
     hidden, sensors, noise = body.begin(state), (*effects, *world.late), noise_of(world, names)
     fine = np.empty((world.steps * n + 1, *state.shape))
@@ -141,7 +145,7 @@ def driven(
                 state, hidden = body.step(state, hidden, Now(acting, t, wall), h)
                 fine[k * n + j + 1] = state
             free[k + 1] = free[k] * body.free()
-            state = np.nan_to_num(np.clip(state, -far, far))
+            state = np.nan_to_num(np.clip(state, -frame.far, frame.far))
     clean[-1], kept[-1] = sense(sensors, names, fine, world.steps * n, h), hidden
     perfect, measured = (limited(effects, names, readings) for readings in (clean, clean + noise))
     return Run(fine, h, commands, perfect, measured, kept, world.clock_offsets, world.offsets, free)

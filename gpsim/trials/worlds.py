@@ -467,6 +467,11 @@ def rounded(value: float) -> float:
     return float(f"{value:.4g}")
 
 
+def log_even(rng: np.random.Generator, low: float, high: float) -> float:
+    """Between, evenly in the logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
 def waves(s: Scales, on: str, d: Dial, low: float, high: float) -> dict[str, float]:
     """A wave number with `low` to `high` periods over two standard deviations either side, and a phase."""
     return {

@@ -8,8 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gpsim.trials.blinding import Answer
-from gpsim.trials.outside import CURVES
-from gpsim.trials.outside_curves import MISSES, drawn_law, missed, smooth, true_curve
+from gpsim.trials.outside import CURVES, MISSES, drawn_law, missed, smooth, true_curve
 from gpsim.trials.scoring_parts import score_curve
 from gpsim.trials.summary import summarise
 from gpsim.trials.truth import run

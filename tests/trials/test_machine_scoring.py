@@ -101,11 +101,6 @@ def test_what_explains_as_much_stands_for_an_effect_with_the_sizes_that_go_with_
     assert not scored("ambiguous")["verdict_right"]
 
 
-def test_a_whole_equivalent_tells_everything():
-    found = scored(effects=[GAIN], found=listing(equivalent=(True,)))
-    assert (found["told"], found["spurious"], found["parameters"]) == (2, 0, [])
-
-
 def test_sizes_are_right_within_15_percent_of_what_they_change_or_inside_the_interval():
     sizes = {p["family"]: p for p in scored()["parameters"]}
     assert sizes["viscous_friction"]["sized"]

@@ -168,14 +168,3 @@ def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
 
 
 # Arms
-
-
-@pytest.mark.slow
-def test_an_arm_is_published_with_its_model(tmp_path):
-    pytest.importorskip("mujoco")
-    name = write_trial(tmp_path, SEED, CAR + 1) and str(CAR + 1)
-    (folder,) = recording_folders(tmp_path / PUBLIC / name)
-    assert (folder / "robot.xml").is_file()
-    answer = json.loads((tmp_path / PRIVATE / name / ANSWER).read_text())
-    assert sum(e["beyond"] >= 4.0 for e in answer["effects"]) >= 4
-    assert read_recording(folder).model == "robot.xml"

@@ -65,21 +65,16 @@ def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
     check_replay(kind, system)
 
 
-@pytest.mark.parametrize(
-    ("kind", "system", "velocities", "places"),
-    [
-        ("fisheye_camera", "unicycle", None, ["pose"]),
-        ("slow_sensor", "unicycle", None, ["yaw"]),
-        ("slow_sensor", "slider", "differentiated", []),
-        ("centrifugal_governor", "cartpole", "measured", ["theta"]),
-        ("centrifugal_governor", "slider", "measured", []),
-        ("tip_sail", "cartpole", "measured", ["x"]),
-        ("tip_tether", "slider", "measured", []),
-        ("warming_sensor", "slider", "differentiated", ["q"]),
-        ("pulsed_thrusters", "unicycle", None, []),
-        ("quantised_actuator", "unicycle", None, ["v_cmd", "w_cmd"]),
-        ("weathervane", "unicycle", None, ["vehicle"]),
-    ],
-)
+WHERE = [
+    ("fisheye_camera", "unicycle", None, ["pose"]), ("slow_sensor", "unicycle", None, ["yaw"]),
+    ("slow_sensor", "slider", "differentiated", []), ("warming_sensor", "slider", "differentiated", ["q"]),
+    ("centrifugal_governor", "cartpole", "measured", ["theta"]), ("centrifugal_governor", "slider", "measured", []),
+    ("tip_sail", "cartpole", "measured", ["x"]), ("tip_tether", "slider", "measured", []),
+    ("pulsed_thrusters", "unicycle", None, []), ("quantised_actuator", "unicycle", None, ["v_cmd", "w_cmd"]),
+    ("weathervane", "unicycle", None, ["vehicle"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "system", "velocities", "places"), WHERE)
 def test_where_they_act(kind, system, velocities, places):
     assert places_of(kind, SYSTEMS[system], velocities) == places

@@ -104,15 +104,6 @@ def test_two_engines_agree(system):
     np.testing.assert_allclose(first.clean, second.clean, atol=1e-6)
 
 
-@pytest.mark.parametrize("engine", ["rk4", "mujoco"])
-def test_engines_agree_on_dry_friction(engine):
-    pytest.importorskip("mujoco")
-    effects = [TrueEffect("coulomb_friction", "q", {"force": 1.5})]
-    world = world_of("slider", effects, engine, excitation="sines", parameters={"mass": 2.0})
-    finest = run(replace(world, engine="rk4"), effects, 2e-4)
-    np.testing.assert_allclose(run(world, effects).clean, finest.clean, atol=3e-4)
-
-
 def test_a_body_sticks_below_the_friction_and_slides_above():
     body = Body("slider", {"mass": 2.0}, [TrueEffect("coulomb_friction", "q", {"force": 3.0})])
     s, z = np.zeros((2, 2)), np.empty((2, 0))

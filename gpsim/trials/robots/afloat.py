@@ -25,7 +25,7 @@ import numpy as np
 from gpsim.trials.drawing import digits
 from gpsim.trials.robots.floating import STEPS
 from gpsim.trials.robots.models import AFLOAT, layout_of, robot_of
-from gpsim.trials.worlds import FROM, TrueEffect, World, numbered, rounded
+from gpsim.trials.worlds import FROM, TrueEffect, World, log_even, numbered, rounded
 
 FLOATING = ("quadrotor", "boat")  # nothing touches them
 MOST = 5  # effects of a world
@@ -39,7 +39,7 @@ Drawn = Callable[[np.random.Generator], float]
 
 def _size(low: float, high: float) -> Drawn:
     """Evenly in the logarithm."""
-    return lambda rng: rounded(float(np.exp(rng.uniform(np.log(low), np.log(high)))))
+    return lambda rng: rounded(log_even(rng, low, high))
 
 
 def _signed(low: float, high: float) -> Drawn:

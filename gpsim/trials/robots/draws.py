@@ -25,6 +25,7 @@ from gpsim.trials.worlds import (
     Stratum,
     TrueEffect,
     World,
+    log_even,
     numbered,
     rounded,
 )
@@ -197,7 +198,7 @@ def _bare_world(
 ) -> World:  # fmt: skip
     """Everything but the effects' strengths."""
     layout, families = layout_of(robot.name), {f for f, _ in effects}
-    wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+    wanted = log_even(rng, *TRANSITIONS)
     steps = int(rng.uniform(*LENGTH))
     way = str(rng.choice(robot.ways))
     if len(robot.ways) > 1 and (attempt > 1 or families & UNSTABLE):

@@ -230,7 +230,7 @@ def _signal(
 def run(world: World, effects: Sequence[TrueEffect]) -> Run:
     """Drive a world of few effects."""
     plant, state = Plant(world.system, effects), starts(world)
-    return driven(world, effects, frame_of(world.system), plant, drive(world), state, plant.h, FAR)
+    return driven(world, effects, frame_of(world.system), plant, drive(world), state, plant.h)
 
 
 def run_whole(world: World, h: float | None = None) -> Run:

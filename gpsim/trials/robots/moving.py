@@ -168,7 +168,7 @@ def tilted(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:
 def frame_of(robot: str) -> Frame:
     """What a robot's world of few effects is made of."""
     layout = layout_of(robot)
-    return Frame(layout.names, tuple(layout.action), lambda effects, h: Plant(robot, effects, h))
+    return Frame(layout.names, tuple(layout.action), lambda effects, h: Plant(robot, effects, h), FAR)
 
 
 def recorded(world: World, readings: FloatArray, truth: Run, kept: FloatArray) -> Recording:

@@ -27,7 +27,7 @@ from gpsim.trials.drawing import digits
 from gpsim.trials.robots.driving import FOURIER, bare_torques
 from gpsim.trials.robots.models import ROBOTS, SERVOED, SERVOS, WHOLE, Robot, layout_of, robot_of, spec_of
 from gpsim.trials.robots.moving import changed_model, step_of
-from gpsim.trials.worlds import FROM, Rough, Run, TrueEffect, World, numbered, rounded
+from gpsim.trials.worlds import FROM, Rough, Run, TrueEffect, World, log_even, numbered, rounded
 
 Rng = np.random.Generator
 DRY, VISCOUS, OFFSET = (0.01, 0.06), (0.02, 0.12), (0.005, 0.03)  # of the torque
@@ -62,7 +62,7 @@ def draw_whole(seed: int, number: int, attempt: int = 0) -> World:
     rng = np.random.default_rng([seed, number, attempt, 0])
     way = next((w for w in robot.ways if w != "balance"), robot.ways[0])
     dt = float(rng.choice(robot.steps))
-    seconds, wanted = float(rng.uniform(*SECONDS)), float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+    seconds, wanted = float(rng.uniform(*SECONDS)), log_even(rng, *TRANSITIONS)
     steps, rough = round(seconds / dt), None
     if encoder:  # its noise is a third of a step; speeds are the controller's alone
         bits = {j: digits(2.0 * np.pi / 2 ** int(rng.integers(BITS[0], BITS[1] + 1))) for j in layout.joints}
@@ -87,14 +87,14 @@ def _effects(robot: Robot, dt: float, rng: Rng) -> tuple[TrueEffect, ...]:
     made = []
     for joint, most in torque.items():
         made += [
-            TrueEffect("viscous_friction", joint, {"damping": most / drives.speed * _size(rng, *VISCOUS)}),
-            TrueEffect("coulomb_friction", joint, {"force": most * _size(rng, *DRY)}),
-            TrueEffect("armature", joint, {"inertia": most / _size(rng, *drives.spin)}),
+            TrueEffect("viscous_friction", joint, {"damping": most / drives.speed * log_even(rng, *VISCOUS)}),
+            TrueEffect("coulomb_friction", joint, {"force": most * log_even(rng, *DRY)}),
+            TrueEffect("armature", joint, {"inertia": most / log_even(rng, *drives.spin)}),
         ]
     made += _bodies(robot, rng)
     moved = [layout.driven[a] for a in layout.action]
     for joint in rng.choice(moved, rng.integers(0, max(len(moved) // 2, 1) + 1), replace=False):
-        force = torque[str(joint)] * _size(rng, *OFFSET) * rng.choice([-1.0, 1.0])
+        force = torque[str(joint)] * log_even(rng, *OFFSET) * rng.choice([-1.0, 1.0])
         made.append(TrueEffect("constant_force", str(joint), {"force": force}))
     late = []
     if rng.random() < LATE_CHANCE:
@@ -107,22 +107,17 @@ def _effects(robot: Robot, dt: float, rng: Rng) -> tuple[TrueEffect, ...]:
 def _bodies(robot: Robot, rng: Rng) -> list[TrueEffect]:
     """One or two that are off: a payload, a mass, or both."""
     body = str(rng.choice(robot.masses))
-    ratio = 1.0 + _size(rng, *MASS) * rng.choice([-1.0, 1.0])
+    ratio = 1.0 + log_even(rng, *MASS) * rng.choice([-1.0, 1.0])
     mass = TrueEffect("parameter_offset", f"{body}.mass", {"ratio": ratio})
     carrier = str(rng.choice(robot.carriers))
     model = spec_of(robot.name).compile()
     b = model.body(carrier).id
     far = float(np.sqrt(model.body_inertia[b].max() / model.body_mass[b]))
     at: FloatArray = np.asarray(model.body_ipos[b]) + 0.7 * far * rng.uniform(-1.0, 1.0, 3)
-    weight = _size(rng, *LOAD) * max(robot.drives.torque) / ARM
+    weight = log_even(rng, *LOAD) * max(robot.drives.torque) / ARM
     load = TrueEffect("payload", carrier, {"mass": weight, **dict(zip("xyz", map(float, at), strict=True))})
     both = rng.random() < TWO and body != carrier
     return [mass, load] if both else [load if rng.random() < 0.5 else mass]
-
-
-def _size(rng: Rng, low: float, high: float) -> float:
-    """Evenly in the logarithm."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 class Motion(NamedTuple):
