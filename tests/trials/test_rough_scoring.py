@@ -49,14 +49,6 @@ def test_near_a_threshold_both_verdicts_are_right(explained):
     assert rough_verdicts(explained, equivalents=True) == both
 
 
-@pytest.mark.parametrize(("verdict", "right"), [("partial", True), ("named", False), ("unknown", False)])
-def test_the_truths_own_share_decides(verdict, right):
-    told = report(verdict, [headline("viscous_friction")])
-    found = score(rough_answer(DAMPED, 0.7), told, [])
-    assert found["verdict_right"] is right
-    assert found["right"] is right
-
-
 # Effects
 
 
