@@ -785,7 +785,7 @@ _FEW = 10  # candidates of a channel that a proposal lists
 
 def _unknown(topic: Topic, found: Guess) -> dict[str, Any]:
     """The columns of a table of nobody knows what: told apart by their words, in the units of their names."""
-    told_already = {key: found.raw[key] for key in ("episodes", "time", "gap_limit") if key in found.raw}
+    told_already: dict[str, Any] = {key: found.raw[key] for key in ("episodes", "time", "gap_limit") if key in found.raw}
     raw: dict[str, Any] = {"system": "?", "rate": "source", **told_already, "state": {}, "action": {}}
     told = {str(value) for value in raw.get("time", {}).values()}
     for name in topic.fields:

@@ -109,8 +109,3 @@ def test_a_slip_of_the_pen_is_no_missing_command(swing, near):
         open_recording(Task(swing(**{near: np.zeros(50)}), "pendulum"))
     with pytest.raises(UsageError, match="column\\(s\\) torque missing for pendulum"):
         read_logs([swing(**{near: np.zeros(50)})], None, ["system=pendulum"])
-
-
-def test_a_table_without_any_state_is_refused(swing):
-    with pytest.raises(UsageError, match="column\\(s\\) theta, theta_dot missing"):
-        open_recording(Task(swing(theta=None, theta_dot=None), "pendulum"))

@@ -3,13 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings.files import read_bare_table, read_recording, write_recording
+from gpsim.recordings.files import read_bare_table, read_recording
 from gpsim.recordings.guessing import likely_unit
-from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import import_log, read_logs
 
 WORDS = ["system=cartpole"]
@@ -76,12 +74,6 @@ def test_seconds_stay_seconds(tmp_path):
     assert likely_unit(1.7e9 + 0.02 * t, 0.02) is None
 
 
-def test_a_table_in_seconds_with_slow_rows_is_told_of_the_gap_limit(cartpole_log):
-    frame = pd.read_csv(cartpole_log)
-    frame.assign(t=frame["t"] * 200).to_csv(cartpole_log, index=False)
-    assert "raise gap_limit above 4" in refused(read_logs, [cartpole_log], None, WORDS)
-
-
 def test_a_table_whose_time_goes_back_is_refused_with_its_row(cartpole_log):
     frame = pd.read_csv(cartpole_log)
     swapped = frame.iloc[[*range(100), 101, 100, *range(102, 200)]]
@@ -130,48 +122,6 @@ def test_a_recording_is_read_as_strictly(tmp_path):
     two = rows.replace("0,0", '"a\nb",0')
     said = refused(read_recording, recording_folder(tmp_path / "e", f"episode,t,q,force\n{two}"))
     assert r"the name 'a b' holds a line break or control character ('\n')" in said
-
-
-def test_every_other_name_goes_through_an_import(tmp_path):
-    """Channels, columns, files and episodes called as nobody would: what is written can be read again."""
-    names = [
-        "$x_{1}$",
-        "$",
-        "_",
-        "a_$b",
-        "{}",
-        "<script>alert(1)</script>",
-        'it\'s "it"',
-        "a (b) [c]",
-        "x" * 200,
-        "[red]",
-    ]
-    t = 0.02 * np.arange(60)
-    folder = tmp_path / "lo$g_{<b>} 'x'"
-    folder.mkdir()
-    table = folder / "my $log_{1} [red](2).csv"
-    frame = pd.DataFrame({"t": t} | {name: np.sin(t + i) for i, name in enumerate(names)})
-    frame.assign(**{"$e": np.where(t < 0.6, "<b>1</b>", "${x}")}).to_csv(table, index=False)
-    entries = {name: {"field": name, "unit": "$m_{}$"} for name in names}
-    action = {"${u}": entries.pop("$")}
-    mapping = {"system": "my_system.py:$X", "rate": "source", "time": {"field": "t"}}
-    mapping |= {"state": entries, "action": action, "episodes": {"by": "column", "field": "$e"}}
-    (tmp_path / "m $1.yaml").write_text(yaml.safe_dump(mapping))
-    recording, report, _ = read_logs([folder], str(tmp_path / "m $1.yaml"))
-    for table_format in ("csv", "parquet"):
-        out = tmp_path / f"o $ut {table_format}"
-        out.mkdir()
-        write_recording(recording, out, table_format)
-        check_names(read_recording(out), frame, sorted(entries))
-    assert report.episodes[0].source == table.name
-    assert table.name in as_text(report)
-
-
-def check_names(read, frame, state):
-    assert sorted(read.state.names) == state
-    assert read.action.names == ("${u}",)
-    assert len(read.episodes) == 2
-    assert np.array_equal(read.episodes[0].states[:, read.state.index("_")], frame["_"][:30])
 
 
 def test_a_file_whose_name_would_break_the_line_is_refused(cartpole_log, tmp_path):

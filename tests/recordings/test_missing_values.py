@@ -92,11 +92,6 @@ def test_the_parts_of_many_tables_are_added_up(tmp_path):
     assert "(action)" in as_text(report)
 
 
-def test_a_table_without_empty_cells_is_one_track(tmp_path):
-    _, report = read(tmp_path / "log.csv", frame())
-    assert [count.name for count in report.topics] == ["log"]
-
-
 @pytest.mark.parametrize("table", ["csv", "parquet", "category"])
 def test_an_episode_column_may_hold_words(tmp_path, table):
     whole = pd.concat([frame().assign(episode=name) for name in ("up", "down", "up again")])

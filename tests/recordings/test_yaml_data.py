@@ -1,11 +1,8 @@
 """YAML of strangers: text stays text, and what is no plain data is one line with its place."""
 
 import json
-import re
-from pathlib import Path
 
 import pytest
-import yaml
 
 from gpsim.errors import UsageError
 from gpsim.recordings.files import read_recording
@@ -55,21 +52,6 @@ def test_plain_data_stay_what_they_are_and_json_can_hold_them():
     assert made["a"] == [1, 2.5, True, None, "${oc.env:HOME}", "2024-05-01"] == made["b"]
     assert (made["on"], made["7"]) == ("1e-3", "${x}")
     assert json.loads(json.dumps(made, sort_keys=True)) == made
-
-
-def test_yaml_of_data_has_one_reader():
-    """Hydra's configurations apart, which cli/composing.py composes."""
-    root = Path(__file__).resolve().parents[2]
-    reading = re.compile(r"yaml\.(safe_|full_|unsafe_)?load|OmegaConf")
-    found = {
-        p.relative_to(root).as_posix() for p in root.glob("gpsim/**/*.py") if reading.search(p.read_text())
-    }
-    assert not found
-
-
-def test_recordings_with_shared_lists_as_yaml_writes_them_are_read():
-    shared = list(range(50))
-    assert parse_yaml(yaml.safe_dump({str(i): shared for i in range(20)}))["19"] == shared
 
 
 def test_a_mapping_cannot_ask_for_the_environment(tmp_path, monkeypatch, cartpole_log):

@@ -44,20 +44,6 @@ def test_many_damaged_bags(tmp_path, kind):
 WISH = {"/odom": ["pose.pose.position.x"], "/joy": ["axes.1"]}
 
 
-def test_salvage_of_a_cut_compressed_file(tmp_path):
-    """Compressed as a whole, it can be had in blocks of 128 KB; as everywhere, nothing wrong and counts that add up."""
-    source = written(tmp_path, "sqlite3-file", 20.0)
-    truth = open_log(source).series(WISH)["/odom"]
-    file = next(source.glob("*.zstd"))
-    file.write_bytes(file.read_bytes()[: file.stat().st_size * 3 // 4])
-    with pytest.raises(UsageError, match="ends early"):
-        open_log(source)
-    salvaged = open_log(source, salvage=True).series(WISH)["/odom"]
-    assert 0 < salvaged.read < truth.read
-    assert salvaged.read + sum(salvaged.dropped.values()) == truth.read
-    assert np.isin(salvaged.receive, truth.receive).all()
-
-
 @pytest.mark.parametrize("kind", [k for k in KINDS if k != "sqlite3-file"])
 def test_salvage_of_a_cut_bag_is_its_beginning(tmp_path, kind):
     """Wherever a file is cut: every value is one of the true ones, in order, from the first on, and counts add up."""

@@ -185,35 +185,6 @@ def test_no_text_table(tmp_path, data, says):
         open_log(tmp_path / "a.csv")
 
 
-def test_salvage_counts_rows_not_cells(tmp_path):
-    rows = "".join(f"{i},{i},{i}\n" for i in range(9))
-    path = table(tmp_path / "a.csv", f"t,x,y\n{rows}9,bad,bad\nbad,1,1\n10,10,10\n")
-    series = open_log(path, salvage=True).series({"a": ("t", "x", "y")})["a"]
-    assert series.dropped == {"a cell is not a number": 2}
-    assert series.fields["t"].tolist() == [*range(9), 10]
-
-
-def test_what_is_lost_of_a_file_is_lost_once_however_often_it_is_read(tmp_path):
-    path = table(tmp_path / "a.csv", "t,x\n" + "".join(f"{i},{i}\n" for i in range(70_000)) + '70000,"3\n')
-    log = open_log(path, salvage=True)
-    before = log.series({"a": ("t",)})["a"].fields["t"].tolist()
-    assert len(before) == 65_536
-    lost = dict(log.losses)
-    assert sum(lost.values()) == 1
-    assert log.series({"a": ("t",)})["a"].fields["t"].tolist() == before
-    assert log.losses == lost
-
-
-def test_columns_of_text_are_codes_in_the_order_of_appearance(tmp_path):
-    path = table(tmp_path / "a.csv", "t,run\n0,b\n1,b\n2, a\n3,\n4,1\n5,b\n")
-    log = open_log(path)
-    [topic] = log.topics()
-    assert (topic.fields, topic.texts) == (("t",), ("run",))
-    series = log.series({"a": ("t", "run")})["a"]
-    np.testing.assert_array_equal(series.fields["run"], [0, 0, 1, np.nan, 2, 0])
-    assert series.absent == {"run": 1}
-
-
 @pytest.mark.parametrize(
     ("header", "says"),
     [

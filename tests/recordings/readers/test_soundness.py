@@ -70,13 +70,6 @@ def test_a_stamp_far_from_its_arrival_is_damage_and_a_stamp_never_set_is_none():
     assert not find_bad_rows("log", replace(pose, header=T - 1.7e9), PLAN)
 
 
-def test_missing_cells_are_no_damage():
-    values = T.copy()
-    values[[3, 4]] = np.nan
-    table = replace(series("/cmd", T, v=values, w=T), absent={"v": 2})
-    assert not find_bad_rows("log", table, PLAN)
-
-
 def test_flipped_exponents_in_the_file_are_found(tmp_path):
     """Bytes that decode to another number: of the flips in the top byte of a coordinate nearly all are seen."""
     path = write_bag(tmp_path / "drive.bag", "ros1", {"/pose": drive(4.0)["/pose"]}, chunk=1 << 20)
@@ -182,13 +175,6 @@ def test_said_to_wrap_it_is_taken_the_short_way_round():
 def test_where_no_value_lies_across_it_is_a_warning(angle, rate):
     _, report = imported(table(angle), TURNING, rate=rate)
     assert [line for line in report.warnings if "nearly a turn" in line]
-
-
-@pytest.mark.parametrize("unit", ["rad", "m"])
-def test_what_does_not_wrap_is_left_alone(unit):
-    state = {"theta": {"field": "a", "unit": unit}}
-    values = WRAPPED if unit == "m" else 3.0 * np.sin(2.0 * LONG)
-    assert not imported(table(values), TURNING, state=state)[1].warnings
 
 
 def test_a_reset_between_two_episodes_is_no_step():

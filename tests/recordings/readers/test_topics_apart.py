@@ -41,15 +41,6 @@ def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path, k
     assert series.fields["groups[name=Default].parameters.1.level"].tolist() == [4.0]
 
 
-def test_names_that_no_selection_can_ask_for_are_counted(tmp_path):
-    """Elements called `a,b` or `a]b` are found by their place."""
-    bag = write_bag(tmp_path / "a.bag", "ros1", {DESCRIPTIONS: describing("a,b", "c]d", " e")})
-    fields = topics_of(bag)[DESCRIPTIONS].fields
-    assert {"groups.0.parameters.1.level", "groups.2.id"} <= set(fields)
-    assert not any("[" in field for field in fields)
-    assert open_log(bag).series({DESCRIPTIONS: fields})[DESCRIPTIONS].fields["groups.2.id"].tolist() == [2.0]
-
-
 def spoiled(path, old, new):
     data = path.read_bytes()
     assert old in data
