@@ -785,8 +785,9 @@ _FEW = 10  # candidates of a channel that a proposal lists
 
 def _unknown(topic: Topic, found: Guess) -> dict[str, Any]:
     """The columns of a table of nobody knows what: told apart by their words, in the units of their names."""
-    told_already: dict[str, Any] = {key: found.raw[key] for key in ("episodes", "time", "gap_limit") if key in found.raw}
-    raw: dict[str, Any] = {"system": "?", "rate": "source", **told_already, "state": {}, "action": {}}
+    raw: dict[str, Any] = {"system": "?", "rate": "source"}
+    raw |= {key: found.raw[key] for key in ("episodes", "time", "gap_limit") if key in found.raw}
+    raw |= {"state": {}, "action": {}}
     told = {str(value) for value in raw.get("time", {}).values()}
     for name in topic.fields:
         if name in told or name == "episode":

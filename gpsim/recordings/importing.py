@@ -11,7 +11,7 @@ import numpy as np
 
 from gpsim.errors import UsageError
 from gpsim.recordings import signals
-from gpsim.recordings.assembling import Assembled, TopicCount, assemble
+from gpsim.recordings.assembling import Assembled, assemble
 from gpsim.recordings.episodes import hold_out
 from gpsim.recordings.guessing import UNITS, likely_unit
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
@@ -19,7 +19,7 @@ from gpsim.recordings.raw import NamedLog
 from gpsim.recordings.recording import Episode, Recording
 from gpsim.recordings.signals import Lag
 from gpsim.recordings.soundness import unmarked_wraps
-from gpsim.recordings.tracks import MISSING, Inspector, Part, read_parts
+from gpsim.recordings.tracks import MISSING, Inspector, Part, TopicCount, read_parts
 from gpsim.recordings.values import LARGEST
 
 
@@ -168,7 +168,7 @@ def _check_values(mapping: ImportMapping, episodes: Sequence[Episode]) -> None:
 
 def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
     """Settings of the clock that would do nothing."""
-    known = sorted({track.topic for part in parts for track in part.tracks.values()})
+    known = sorted({track.count.topic for part in parts for track in part.tracks.values()})
     for setting, topics in (("offsets", mapping.clock.offsets), ("topics", mapping.clock.topics)):
         for topic in topics:
             if topic not in known:
@@ -191,8 +191,8 @@ def _command_topics(mapping: ImportMapping) -> set[str]:
 def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[list[Assembled], list[Lag]]:
     built, pieces = [], signals.Pieces()
     for part in parts:
-        tracks = {name: track.shifted(shifts.get(track.topic, 0.0)) for name, track in part.tracks.items()}
-        flag = None if part.flag is None else tracks[part.flag.name]
+        tracks = {name: t.shifted(shifts.get(t.count.topic, 0.0)) for name, t in part.tracks.items()}
+        flag = None if part.flag is None else tracks[part.flag.count.name]
         one = assemble(part.name, tracks, part.mapping, flag)
         built.append(one)
         pieces.add(tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in one.episodes])

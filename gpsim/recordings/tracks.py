@@ -32,19 +32,20 @@ Inspector = Callable[[str, Series, ImportMapping], BadRows]
 
 
 @dataclass(frozen=True)
-class Track:
-    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; read: rows before any drop.
+class TopicCount:
+    """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
 
-    part: which rows, where not all hold the same channels; clock: which stamps t holds, in words; delay: median, 5 %
-    and 95 % of receive minus header [s]; drift: least and largest of its running median [s].
+    clock: which stamps are used, in words; kept: rows inside an episode (for commands: rows that stood at some moment
+    of one). delay: median, 5 % and 95 % of receive minus header [s], None without a header; drift: least and largest of
+    its running median [s]. part: the channels that are counted, where not all of the topic are found in the same rows.
     """
 
+    source: str
     topic: str
     type: str
     clock: str
-    t: FloatArray
-    fields: Mapping[str, FloatArray]
     read: int
+    kept: int
     dropped: Mapping[str, int]
     noticed: Mapping[str, int]
     delay: tuple[float, float, float] | None = None
@@ -53,8 +54,23 @@ class Track:
 
     @property
     def name(self) -> str:
-        """What the track is called: its topic, and which part of it."""
+        """The topic, and which part of it."""
         return track_name(self.topic, self.part)
+
+    def __post_init__(self) -> None:
+        if self.read != self.kept + sum(self.dropped.values()):
+            raise AssertionError(
+                f"{self.source} {self.topic}: {self.read} rows read, but {self.kept} kept and {self.dropped}"
+            )
+
+
+@dataclass(frozen=True)
+class Track:
+    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; count: what became of all its rows."""
+
+    count: TopicCount
+    t: FloatArray
+    fields: Mapping[str, FloatArray]
 
     def shifted(self, seconds: float) -> Track:
         """The same track with `seconds` added to its stamps."""
@@ -63,7 +79,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Part:
-    """One piece of a log on one unbroken clock, its channels bound to tracks. tracks: by `Track.name`."""
+    """One piece of a log on one unbroken clock, its channels bound to tracks. tracks: by the names of their counts."""
 
     name: str
     mapping: ImportMapping
@@ -141,7 +157,7 @@ def _whole_log(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> l
             bound, groups = _groups(key, one, bound)
             for group in groups:
                 track = _build_track(one, group, bad, bound.mapping, name, log_epoch)
-                tracks[track.name] = track
+                tracks[track.count.name] = track
         first = [float(track.t[0]) for track in tracks.values() if len(track.t)]
         epoch = float(np.floor(min(first))) if first else 0.0
         tracks = {key: track.shifted(-epoch) for key, track in tracks.items()}
@@ -384,19 +400,21 @@ def _build_track(
             size = int(np.clip(len(late) // 10, 5, LASTING))
             running = median_filter(late, size=size, mode="reflect")
             drift = float(running.min()), float(running.max())
-    return Track(
-        topic=series.topic,
-        type=series.type,
-        clock=on,
-        t=ordered.t + mapping.clock.offsets.get(series.topic, 0.0),
-        fields={name: values[ordered.rows, i] for i, name in enumerate(group.fields)},
+    count = TopicCount(
+        where,
+        series.topic,
+        series.type,
+        on,
         read=len(t) + sum(series.dropped.values()),
+        kept=len(ordered.t),
         dropped=dropped | dict(ordered.dropped),
         noticed=ordered.noticed,
         delay=delay,
         drift=drift,
         part=group.part,
     )
+    fields = {name: values[ordered.rows, i] for i, name in enumerate(group.fields)}
+    return Track(count, ordered.t + mapping.clock.offsets.get(series.topic, 0.0), fields)
 
 
 def samples(source: ChannelSource, track: Track, rows: IntArray | slice = slice(None)) -> FloatArray:

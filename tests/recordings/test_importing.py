@@ -121,14 +121,6 @@ def test_mixed_clocks_that_move_against_each_other_are_told(late, figures):
     assert not [line for line in alone.warnings if "move against each other" in line]
 
 
-def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():
-    pose = pose_series(T * 0.0, DRIVE.x(T), DRIVE.y(T), DRIVE.w * T, receive=T)
-    _, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
-    assert adds_up(report)["/pose"].clock == "receive (header never set)"
-    with pytest.raises(UsageError, match="never sets its header stamp"):
-        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"stamps": "header"})
-
-
 def lagging(delay):
     rng = np.random.default_rng(5)
     t, given = np.arange(0, 60, 0.01), np.arange(0, 60, 0.1)
@@ -207,13 +199,6 @@ def test_messages_that_a_log_holds_twice_are_duplicates_and_no_restart():
     recording, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
     assert len(recording.episodes) == 1
     assert adds_up(report)["/pose"].dropped["duplicate"] == 400
-
-
-def test_a_clock_set_back_is_refused_where_several_topics_share_it():
-    t = np.concatenate([T, T[200:600] + 0.003])
-    pose = pose_series(t, DRIVE.x(t), DRIVE.y(t), DRIVE.w * t, receive=t)
-    with pytest.raises(UsageError, match="the clock of /pose was set back at row 1000"):
-        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
 
 
 def test_several_logs_become_episodes_and_the_last_share_is_held_out():

@@ -8,7 +8,7 @@ import pytest
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.diagnosis.setup import prepare
 from gpsim.reports.wording import worded
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
@@ -92,18 +92,6 @@ def test_every_set_can_be_put_as_a_question(real, tmp_path, mapping):
     assert np.isfinite(measured).all()
     angles = [i for i, c in enumerate(recording.state) if c.wraps]
     assert (np.abs(np.diff(measured[..., angles], axis=1)) < np.pi).all()
-
-
-def test_a_cart_that_is_held_still_is_a_mount_for_its_pole(real, tmp_path):
-    source = real / "physical_cartpole" / "free_swing"
-    recording = import_log([source], tmp_path / "out", "physical_cartpole").recording
-    simulator = make_simulator("cartpole")
-    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
-    assert question.everything.simulator.state.names == ("theta", "theta_dot")
-    assert question.sight.still == {"force": 0.0}
-    assert {c.place.on for c in offers_of(question)} == {
-        "theta", "theta_dot", "gravity", "cart_mass", "pole_mass", "pole_half_length",
-    }  # fmt: skip
 
 
 USUAL = ("coulomb_friction", "viscous_friction", "constant_force")

@@ -34,25 +34,6 @@ def test_the_newest_of_a_burst_is_kept_on_receive_time():
     assert dict(ordered(t).noticed) == {"in a burst": 3}
 
 
-@pytest.mark.parametrize("delay", [-0.17, 0.0, 0.043, 0.31])
-def test_a_known_lag_is_found(delay):
-    rng = np.random.default_rng(7)
-    step, count = 0.01, 4000
-    signal = np.repeat(rng.normal(size=count // 40), 40)
-    at = np.arange(count) * step
-    response = 0.7 * np.interp(at - delay, at, signal) + rng.normal(scale=0.05, size=count)
-    found = signals.estimate_lag(
-        ("u", "r"), [(signal[:2000], response[:2000]), (signal[2000:], response[2000:])], step
-    )
-    assert found.usable
-    assert found.lag == pytest.approx(delay, abs=0.006)
-
-
-def test_unrelated_signals_have_no_usable_lag():
-    rng = np.random.default_rng(8)
-    assert not signals.estimate_lag(("u", "r"), [(rng.normal(size=3000), rng.normal(size=3000))], 0.01).usable
-
-
 stamps = st.lists(st.floats(0.001, 0.5), min_size=1, max_size=30).map(lambda steps: np.cumsum([0.0, *steps]))
 
 
@@ -72,19 +53,6 @@ def test_the_mean_of_a_held_command_agrees_with_fine_sampling(t, step, seed):
     assert clock.held_mean(at, t, values) == pytest.approx(
         np.array(expected), abs=5e-3 * np.ptp(values) + 1e-6
     )
-
-
-def test_quaternions_keep_a_constant_rate_whatever_their_sign():
-    axis = np.array([0.2, -0.5, 0.8]) / np.linalg.norm([0.2, -0.5, 0.8])
-    t = np.linspace(0.0, 2.0, 21)
-    quaternions = Rotation.from_rotvec(axis * (1.7 * t)[:, None]).as_quat()
-    quaternions[::3] *= -1.0
-    at = np.linspace(0.0, 2.0, 333)
-    error = (
-        Rotation.from_quat(clock.slerp(at, t, quaternions))
-        * Rotation.from_rotvec(axis * (1.7 * at)[:, None]).inv()
-    )
-    assert error.magnitude().max() < 1e-7
 
 
 @settings(deadline=None)

@@ -27,7 +27,6 @@ from typing import Any
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.base import normalize_fieldname
-from rosbags.typesys.store import Typestore
 
 from gpsim.recordings.readers.container import MAX_DEFINITION, DamageError, Stream
 from gpsim.recordings.values import one_line
@@ -48,20 +47,15 @@ DISTROS = tuple(store.value.removeprefix("ros2_") for store in Stores if store.v
 
 @dataclass(frozen=True)
 class Decoder:
-    """One message type with everything below it: `store` decodes, `types` describes."""
+    """One message type with everything below it, which `types` describe; nodes: fields that it expands to.
+
+    decode_raw: from bytes and type name to a message, by rosbags; raises anything where they do not fit.
+    """
 
     name: str
     types: Types
-    store: Typestore
-    encoding: str
+    decode_raw: Callable[[bytes, str], object]
     nodes: int
-
-    @property
-    def decode_raw(self) -> Callable[[bytes, str], object]:
-        """From bytes and type name to a message, by rosbags; raises anything where they do not fit."""
-        ros1, store = self.encoding == "ros1", self.store
-        decode: Callable[[bytes, str], object] = store.deserialize_ros1 if ros1 else store.deserialize_cdr
-        return decode
 
     def decode(self, data: bytes) -> object:
         """The message object; DamageError where the bytes do not fit the definition."""
@@ -116,7 +110,8 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
         raise
     except Exception as error:  # code generation raises NameError, KeyError, RecursionError ... on nonsense
         raise DamageError(f"definition of {stream.type} is not usable: {one_line(error, 120)}") from error
-    return Decoder(stream.type, types, store, stream.encoding, nodes)
+    decode = store.deserialize_ros1 if stream.encoding == "ros1" else store.deserialize_cdr
+    return Decoder(stream.type, types, decode, nodes)
 
 
 def _parse(stream: Stream) -> Types:

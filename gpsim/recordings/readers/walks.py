@@ -54,16 +54,6 @@ class Record(NamedTuple):
         return self.data + self.size
 
 
-class Head(NamedTuple):
-    """A chunk's: where its data begin, how many bytes they are there, how compressed, how many they make, checksum."""
-
-    begin: int
-    stored: int
-    method: str
-    size: int
-    checksum: int = 0
-
-
 def data_of(source: Source, record: Record) -> bytes:
     """A record's data (not a chunk's: those have a limit of their own)."""
     if record.size > MAX_MESSAGE:
@@ -93,8 +83,8 @@ class Walk(Container):
         """The record at a place."""
 
     @abstractmethod
-    def _head(self, source: Source, record: Record) -> Head:
-        """A chunk's head."""
+    def _head(self, source: Source, record: Record) -> tuple[int, str, int, int]:
+        """(where a chunk's data begin, how compressed they are, how many bytes they make, their checksum or 0)."""
 
     @abstractmethod
     def _usual(self, chunk: bytes, position: int) -> tuple[Message, int] | None:
@@ -165,14 +155,14 @@ class Walk(Container):
 
     def _chunk(self, source: Source, record: Record, ledger: Ledger) -> bytes:
         """A chunk's records, as much of them as can be had."""
-        head = self._head(source, record)
-        end = min(record.end, self.size)
+        begin, method, size, checksum = self._head(source, record)
+        end, stored = min(record.end, self.size), record.end - begin
         if record.end > end:
-            ledger.lost(f"the file ends at byte {end}, inside a chunk of {head.stored} bytes", self.where)
-        if end - head.begin > MAX_CHUNK:
-            raise DamageError(f"a chunk declares {head.stored} bytes; the limit is {MAX_CHUNK}")
-        data, reason = expand(source.read(head.begin, end - head.begin), head.method, head.size)
-        if reason is None and head.checksum and zlib.crc32(data) != head.checksum:
+            ledger.lost(f"the file ends at byte {end}, inside a chunk of {stored} bytes", self.where)
+        if end - begin > MAX_CHUNK:
+            raise DamageError(f"a chunk declares {stored} bytes; the limit is {MAX_CHUNK}")
+        data, reason = expand(source.read(begin, end - begin), method, size)
+        if reason is None and checksum and zlib.crc32(data) != checksum:
             reason = "a chunk's checksum does not match: some of its messages are wrong"
         if reason is not None:
             ledger.lost(reason, self.where)
@@ -266,9 +256,9 @@ class Bag1(Walk):
         size = int.from_bytes(source.read(position + 4 + length, 4), "little")
         return Record(op[0], position, position + 8 + length, size, fields)
 
-    def _head(self, source: Source, record: Record) -> Head:
+    def _head(self, source: Source, record: Record) -> tuple[int, str, int, int]:
         size = record.fields.number("size")
-        return Head(record.data, record.size, record.fields.text("compression"), size)
+        return record.data, record.fields.text("compression"), size, 0
 
     def _usual(self, chunk: bytes, position: int) -> tuple[Message, int] | None:
         """A message with a header of its three fields."""
@@ -449,7 +439,7 @@ class Mcap(Walk):
             raise DamageError("a record of kind 0")
         return Record(op, position, position + self._RECORD.size, size, Fields())
 
-    def _head(self, source: Source, record: Record) -> Head:
+    def _head(self, source: Source, record: Record) -> tuple[int, str, int, int]:
         count = min(self._CHUNK_HEAD.size + 64, record.size, self.size - record.data)
         front = Content(source.read(record.data, count))
         _, _, size, checksum = self._CHUNK_HEAD.unpack(front.take(self._CHUNK_HEAD.size))
@@ -457,7 +447,7 @@ class Mcap(Walk):
         begin = record.data + front.position
         if method not in self._COMPRESSIONS or begin + stored != record.end:
             raise DamageError(f"a chunk's head is damaged (compression {method[:8]!r}, {stored} bytes)")
-        return Head(begin, stored, self._COMPRESSIONS[method], size, checksum)
+        return begin, self._COMPRESSIONS[method], size, checksum
 
     def _usual(self, chunk: bytes, position: int) -> tuple[Message, int] | None:
         """A message that lies in the chunk as a whole, at a time that can be."""

@@ -114,12 +114,13 @@ def write_bag(path, kind, topics, *, chunk=4096):
     )
     found = [(receive, topic, serialise(ros, name, values)) for receive, topic, name, values in rows]
     types = {topic: messages.type for topic, messages in topics.items()}
-    if kind in MCAP_KINDS:
+    if kind.startswith("mcap") and "folder" not in kind:
         definitions = {name: typestore(2).generate_msgdef(name, ros_version=2)[0] for name in types.values()}
         options = Chunks(
             compression={"mcap-lz4": "lz4", "mcap-zstd": "zstd"}.get(kind, "none"),
             size=None if kind == "mcap-unchunked" else chunk,
             summary=kind != "mcap-no-summary",
+            checked=kind != "mcap-unchecked",
         )
         path.write_bytes(write_mcap(types, definitions, found, options))
     elif ros == 1:

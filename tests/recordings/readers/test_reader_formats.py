@@ -55,15 +55,6 @@ def test_every_message_comes_back(bag):
     assert (series["/pose_cov"].fields["pose.covariance.35"] == 35.0).all()
 
 
-def test_header_stamps_keep_their_nanoseconds(bag):
-    series = open_log(bag).series({"/pose": ["pose.position.x"], "/throttle": ["data"]})
-    header = series["/pose"].header
-    assert header is not None
-    given = [receive - 7_000_001 for receive, _ in drive(1.0)["/pose"].rows]
-    np.testing.assert_array_equal(np.round(header * 1e9).astype(np.int64) + EPOCH, given)
-    assert series["/throttle"].header is None
-
-
 def test_topics_say_what_is_inside(bag):
     topics = {topic.name: topic for topic in open_log(bag).topics()}
     given = drive(1.0)

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from bags import EPOCH, KINDS, Messages, called, drive, write_bag
+from bags import EPOCH, drive, write_bag
 from mcap_writer import record, text
 from mutations import refused
 
@@ -94,15 +94,6 @@ def mcap_with(path, *records):
     end = record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
     path.write_bytes(b"\x89MCAP0\r\n" + record(1, text("ros2") + text("")) + b"".join(records) + end)
     return path
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_bag_without_messages(tmp_path, kind):
-    path = write_bag(tmp_path / called(kind, "none"), kind, {"/u": Messages("std_msgs/msg/Float32", [])})
-    log = open_log(path)
-    for topic in log.topics():
-        assert topic.count == 0
-        assert len(log.series({topic.name: ["data"]})[topic.name].receive) == 0
 
 
 def test_an_encoding_that_is_not_read(tmp_path):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bags import drive, write_bag
-from by_hand import UNICYCLE, Drive, imported, pose_series, series
+from by_hand import UNICYCLE, Drive, imported, series
 
 from gpsim.errors import UsageError
 from gpsim.recordings import find_bad_rows, open_log, parse_mapping
@@ -111,25 +111,6 @@ def test_clocks_of_another_pace_or_unit_are_sound():
     assert not find_bad_rows("log", ticks, plan)
     with pytest.raises(UsageError, match="magnitude"):
         find_bad_rows("log", ticks, PLAN)
-
-
-def test_max_rate_looks_at_angles_of_quaternions_the_short_way_round():
-    plan = parse_mapping({**UNICYCLE, "checks": {"max_rate": {"yaw": 3.0}}})
-    t = np.arange(0, 10, 0.01)
-    yaw = Drive().w * t  # passes pi, and the quaternions change their signs
-    assert not find_bad_rows("log", pose_series(t, t, t, yaw, t), plan)
-    yaw[50] += 0.2
-    found = find_bad_rows("log", pose_series(t, t, t, yaw, t), plan, salvage=True)
-    assert found["faster than checks.max_rate"].tolist() == [50]
-
-
-def test_max_rate_looks_at_what_a_sparse_column_holds():
-    values = np.where(np.arange(200) % 2 == 0, 0.1 * T, np.nan)
-    values[50] = 9.0
-    _, plan = position(T, checks={"max_rate": {"q": 3.0}})
-    table = replace(series("/q", T, position__0=values), absent={"position.0": 100})
-    with pytest.raises(UsageError, match="row 50"):
-        find_bad_rows("log", table, plan)
 
 
 TURNING = {
