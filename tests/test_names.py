@@ -27,12 +27,20 @@ from gpsim.effects.term import EPISODE
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.recordings import Described, Episode, Recording, read_bare_table, read_recording
-from gpsim.recordings.episodes import OverGaps
-from gpsim.recordings.export import wide_table, write_mcap
-from gpsim.recordings.files import write_recording
-from gpsim.recordings.importing import EpisodeCount, ImportReport
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import (
+    Described,
+    Episode,
+    ImportReport,
+    OverGaps,
+    Recording,
+    open_log,
+    read_bare_table,
+    read_recording,
+    write_mcap,
+    write_recording,
+)
+from gpsim.recordings.export import wide_table
+from gpsim.recordings.importing import EpisodeCount
 from gpsim.reports.diagnosis_text import _part
 from gpsim.reports.import_text import as_text
 from gpsim.reports.loop_page import terminal_table

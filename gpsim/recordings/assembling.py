@@ -77,27 +77,25 @@ def _stages(
     end = min((float(track.t[-1]) for track in state.values() if len(track.t)), default=-np.inf)
     solid = [(-np.inf, np.inf)]
     for track in state.values():
-        solid = where.common(solid, where.covered(track.t, None))
+        solid = where.common(solid, where.runs(track.t))
     for track in action.values():
-        solid = where.common(solid, where.standing(track.t, None, end))
+        solid = where.common(solid, where.standing(track.t, end))
     stages = [("before the first or after the last of another topic", solid)]
     for track in state.values():
-        solid = where.common(solid, where.covered(track.t, mapping.gap_limit))
+        solid = where.common(solid, where.runs(track.t, np.diff(track.t) > mapping.gap_limit * (1.0 + 1e-9)))
     stages.append((f"in a gap over {mapping.gap_limit:g} s", solid))
     if mapping.hold_limit is not None:
         for track in action.values():
-            solid = where.common(solid, where.standing(track.t, mapping.hold_limit, end))
+            solid = where.common(solid, where.standing(track.t, end, mapping.hold_limit))
         stages.append((f"no command within {mapping.hold_limit:g} s", solid))
     rule = mapping.episodes
     if flag is not None:
-        values, reason = flag.fields[rule.field or ""], f"between values of {rule.field}"
+        values = flag.fields[rule.field or ""]
+        pieces, reason = where.runs(flag.t, np.diff(values) != 0), f"between values of {rule.field}"
         if rule.by == "flag":
-            pieces = where.flagged(flag.t, values == rule.equals, end)
-            own = flag.count.topic
+            pieces, own = where.standing(flag.t, end, on=values == rule.equals), flag.count.topic
             topic = "" if own in {track.count.topic for track in state.values()} else f" of {own}"
             reason = f"{rule.field}{topic} is not {rule.equals:g}"
-        else:
-            pieces = where.constant_pieces(flag.t, values)
         solid = where.common(solid, pieces)
         stages.append((reason, solid))
     if rule.min_duration > 0:

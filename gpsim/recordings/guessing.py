@@ -402,7 +402,6 @@ class Pose:
 
 
 def _often(topics: Sequence[Topic]) -> list[Topic]:
-    """The most often told first."""
     return sorted(topics, key=lambda topic: -topic.count)
 
 
@@ -606,7 +605,6 @@ class Guess:
             self.raw["episodes"] = {"by": "column", "field": "episode"}
 
     def _take_pose(self) -> None:
-        """Take the pose's three channels, where a topic has one."""
         poses, named = _poses_of(self.topics), self.given.get(POSE)
         if named is None and len(poses) > 1:
             self.unclear[POSE] = [pose.name for pose in poses]
@@ -632,7 +630,6 @@ class Guess:
         }
 
     def _measure(self, channel: Channel) -> None:
-        """Find the source of a channel of the state."""
         name = channel.name
         of, optional = self.system.velocities.get(name), name in self.system.optional
         if self.given.get(name) == NOTHING and (of is not None or optional):
@@ -648,7 +645,6 @@ class Guess:
             self.missing[name] = self._unused(NO_STATE)
 
     def _command(self, channel: Channel) -> None:
-        """Find the source of an action."""
         name = channel.name
         if self.given.get(name) == NOTHING:
             self.taken[name] = NOTHING
@@ -694,7 +690,6 @@ class Guess:
         return True
 
     def _free(self) -> list[Source]:
-        """Sources that are nobody's."""
         return [s for s in sources_of(self.topics) if (s.topic, s.field) not in self._used]
 
     def _unused(self, never: frozenset[str]) -> list[str]:

@@ -200,7 +200,6 @@ def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[l
 
 
 def _estimates(found: Sequence[Lag], parts: Sequence[Part]) -> dict[str, float]:
-    """The lag of the best correlated command of each command topic."""
     topics = _command_topics(parts[0].mapping) if parts else set()
     best: dict[str, float] = {}
     for lag in sorted(found, key=lambda lag: -abs(lag.correlation)):
@@ -278,7 +277,6 @@ def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: b
 
 
 def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
-    """How commands were held, velocities made, and what is held out."""
     notes = []
     if len(mapping.action):
         mean = mapping.commands == "mean"
@@ -304,7 +302,6 @@ def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembl
 
 
 def _describe(smoothing: Smoothing) -> str:
-    """A smoothing choice in words."""
     edges = "edges trimmed" if smoothing.edges == "trim" else "edges by a one-sided fit"
     if smoothing.method == "gaussian":
         return f"Gaussian smoothing of sigma = {smoothing.sigma:g} samples of the source, {edges}"
@@ -314,7 +311,6 @@ def _describe(smoothing: Smoothing) -> str:
 
 
 def _warnings(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
-    """What asks for a second look."""
     found = []
     clocks = {(count.topic, count.clock) for one in built for count in one.counts}
     kinds = {
@@ -364,7 +360,6 @@ def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
 
 
 def _mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
-    """The decisions of the mapping, for recording.yaml."""
     metadata: dict[str, Any] = {
         "state": {source.name: _origin(source) for source in mapping.state},
         "action": {source.name: _origin(source) for source in mapping.action},
@@ -380,7 +375,6 @@ def _mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
 
 
 def _origin(source: ChannelSource) -> dict[str, Any]:
-    """What a recording keeps of a channel's origin."""
     raw: dict[str, Any] = {"topic": source.topic, "field": source.field, "quaternion": source.quaternion}
     raw["angle"] = source.angle if source.quaternion else None
     raw["derivative_of"] = source.derivative_of

@@ -187,7 +187,6 @@ def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
 
 
 def _system(name: str) -> System:
-    """What the guess has to know of a simulator."""
     simulator = open_simulator(name)
     pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
     system = System(

@@ -18,8 +18,9 @@ from mutations import read_all
 
 from gpsim import limits
 from gpsim.errors import UsageError
+from gpsim.recordings import open_log
 from gpsim.recordings.files import read_frame
-from gpsim.recordings.readers import container, open_log
+from gpsim.recordings.readers import container
 
 SCHEMA = record(
     3, struct.pack("<H", 1) + text("std_msgs/msg/Float32") + text("ros2msg") + text("float32 data\n")

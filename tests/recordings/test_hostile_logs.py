@@ -83,20 +83,6 @@ def test_a_table_whose_time_goes_back_is_refused_with_its_row(cartpole_log):
     assert "row 1: time goes back, to 3.96 s behind 3.98 s" in refused(read_logs, [cartpole_log], None, WORDS)
 
 
-@pytest.mark.parametrize("suffix", ["csv", "parquet"])
-def test_a_bare_table_with_a_cell_that_is_no_measurement(tmp_path, suffix):
-    t = 0.1 * np.arange(50)
-    frame = pd.DataFrame({"t": t, "q": t, "q_dot": 1.0, "force": 0.0})
-    for value in (1e308, -1e31):
-        frame.loc[7, "q_dot"] = value
-        path = tmp_path / f"a.{suffix}"
-        frame.to_csv(path, index=False) if suffix == "csv" else frame.to_parquet(path)
-        said = refused(read_bare_table, path, Described("slider", *SLIDER, {}))
-        assert (
-            f"episode 0, row 7, column q_dot: {value:g} is no measurement, none is larger than 1e+30" in said
-        )
-
-
 def recording_folder(folder, table, state="{q: m}"):
     folder.mkdir()
     (folder / "recording.yaml").write_text(f"system: slider\ndt: 0.1\nstate: {state}\naction: {{force: N}}\n")

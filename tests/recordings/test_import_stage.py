@@ -70,17 +70,6 @@ def test_nothing_is_overwritten_and_nothing_half_written(cartpole_log, tmp_path,
     assert read_artifact(tmp_path / "plain").stage == "import"
 
 
-def test_an_episode_column_and_several_files_make_episodes(tmp_path):
-    first = pd.read_csv(cartpole_table(tmp_path / "a.csv", seed=1))
-    both = pd.concat([first.assign(episode=0), first.assign(episode=1, t=first["t"] + 10)])
-    both.to_csv(tmp_path / "both.csv", index=False)
-    recording, report, _ = read_logs([tmp_path / "both.csv"], None, ["system=cartpole"])
-    assert [len(e) for e in recording.episodes] == [199, 199]
-    cartpole_table(tmp_path / "c.csv", seed=2)
-    recording, report, _ = read_logs([tmp_path / "a.csv", tmp_path / "c.csv"], None, ["system=cartpole"])
-    assert [e.source for e in report.episodes] == ["a.csv", "c.csv"]
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [

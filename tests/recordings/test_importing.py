@@ -8,11 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
-from gpsim.recordings import Episode, HeldOut
+from gpsim.recordings import Episode, HeldOut, NamedLog, import_logs, parse_mapping
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping import HeldOutRule, parse_mapping
-from gpsim.recordings.raw import NamedLog
+from gpsim.recordings.mapping import HeldOutRule
 from gpsim.reports.import_text import as_text
 
 DRIVE = Drive()

@@ -76,8 +76,6 @@ class Columns:
 
 @dataclass(slots=True)
 class _Reading:
-    """How one stream's messages become rows, and how many came."""
-
     stream: Stream
     decode: Callable[[bytes, str], object]
     rows: Callable[[Any], Sequence[Row]]

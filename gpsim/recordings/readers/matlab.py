@@ -154,7 +154,6 @@ def _pieces(table: Mapping[str, FloatArray], columns: Sequence[str], _: Ledger) 
 
 
 def _columns(raw: Mapping[str, Any], prefix: str = "", depth: int = 0) -> list[tuple[str, FloatArray]]:
-    """(dotted name, values) of every numeric vector, also inside structs."""
     found: list[tuple[str, FloatArray]] = []
     for key, value in raw.items():
         name = f"{prefix}{key}"

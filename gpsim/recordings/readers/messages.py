@@ -323,7 +323,6 @@ def _element(here: Any, text: str, index: int | None) -> Any:
 
 
 def _lists(here: Any, kinds: frozenset[str]) -> bool:
-    """Whether it is an array of such plain values."""
     return here[0] in _LISTS and here[1][0][0] == Nodetype.BASE and here[1][0][1][0] in kinds
 
 

@@ -195,7 +195,6 @@ def _text(value: object) -> str:
 
 
 def _time(value: object) -> int:
-    """A receive time [ns since 1970]."""
     if not isinstance(value, int) or not 0 <= value < LATEST:
         raise DamageError(f"a message's time is {one_line(value, 40)!r}")
     return value
@@ -241,8 +240,6 @@ class _Information:
 
 @dataclass(frozen=True)
 class _File:
-    """What is read of metadata.yaml."""
-
     rosbag2_bagfile_information: _Information
 
 

@@ -121,7 +121,6 @@ class Layout:
 
 
 def _layout(path: Path) -> Layout:
-    """Look at the file; DamageError when it is no text table."""
     lines_there, last = _count_lines(path)
     with path.open("rb") as file:
         raw = file.read(_HEAD)
@@ -185,14 +184,12 @@ def _is_comment(line: str) -> bool:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """A line's cells without quotes."""
     if separator == r"\s+":
         return [part.strip('"').strip() for part in line.split()]
     return cells_of(line.strip("\r\n"), separator)
 
 
 def _is_number(cell: str) -> bool:
-    """Whether a cell holds a number, as any program writes it."""
     return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell))
 
 
@@ -357,7 +354,6 @@ class Codes:
 
 
 def _numbers(column: Any, decimal: str) -> FloatArray:
-    """The values; NaN where a cell is empty or no number."""
     if not pd.api.types.is_numeric_dtype(column):
         column = (
             column.astype(str).str.strip().replace({"True": "1", "true": "1", "False": "0", "false": "0"})

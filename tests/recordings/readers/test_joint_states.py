@@ -104,23 +104,6 @@ def test_motors_that_nobody_commands_take_the_efforts_that_were_measured(tmp_pat
     assert read.raw["action"]["m1"] == {"field": "effort[name=shoulder]", "unit": "N m"}
 
 
-@pytest.mark.parametrize(
-    "ends", [("", "_dot", "_tau"), ("_position", "_velocity", "_effort"), ("_q", "_qd", "_torque")]
-)
-def test_joints_with_numbers_and_their_torques_are_found_by_name(ends, tmp_path):
-    robot = written(tmp_path, DOUBLE.replace('"shoulder"', '"joint_1_of"').replace('"elbow"', '"joint_2_of"'))
-    names = [f"joint_{i}_of{end}" for end in ends for i in (2, 1)]
-    lines = [",".join([f"{0.02 * k:.2f}", *(f"{0.01 * k * i}" for i in range(6))]) for k in range(COUNT)]
-    (tmp_path / "log.csv").write_text("\n".join([",".join(["time", *names]), *lines]) + "\n")
-    read = decide(RawLog(tmp_path / "log.csv", "gpsim import", robot))
-    assert [read.raw["state"][f"joint_{i}_of_dot"]["field"] for i in (1, 2)] == [
-        f"joint_{i}_of{ends[1]}" for i in (1, 2)
-    ]
-    assert [read.raw["action"][f"m{i}"]["field"] for i in (1, 2)] == [
-        f"joint_{i}_of{ends[2]}" for i in (1, 2)
-    ]
-
-
 def test_what_no_message_names_is_asked_for(tmp_path):
     robot = written(tmp_path, DOUBLE)
     bag = write_bag(tmp_path / "a.mcap", "mcap", {"/joint_states": states()})

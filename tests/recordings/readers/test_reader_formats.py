@@ -5,7 +5,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 
 WANTED = {
     "/pose": ["pose.position.x", "pose.orientation.w"],

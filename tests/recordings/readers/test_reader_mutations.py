@@ -6,7 +6,7 @@ from bags import KINDS, MCAP_KINDS, drive, write_bag
 from mutations import Outcomes, mutate, watch
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 
 QUICK, SLOW = 5, 120
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 
 
 def table(path, text):

@@ -9,7 +9,7 @@ from bags import EPOCH, KINDS, Messages, called, drive, write_bag
 from mcap.reader import make_reader
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 from gpsim.stages.import_log import read_logs
 from gpsim.stages.raw_logs import inspect_source
 
@@ -99,22 +99,6 @@ def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path, what):
         assert "/good" not in found.faults
         assert found.faults
         assert open_log(path).series({"/good": ["data"]})["/good"].read == 3
-
-
-def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path):
-    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
-    bag = write_bag(
-        tmp_path / "a", "sqlite3", {n: Messages("std_msgs/msg/Float64", rows) for n in ("/good", STRANGE)}
-    )
-    (file,) = bag.glob("*.db3")
-    with sqlite3.connect(file) as base:
-        base.execute(
-            "UPDATE messages SET data = x'00' WHERE topic_id = (SELECT id FROM topics WHERE name = '/bad')"
-        )
-    found = inspect_source(bag)
-    assert list(found.paces) == ["/good"]
-    assert "not a std_msgs/msg/Float64" in found.faults[STRANGE]
-    assert inspect_source(bag, salvage=True).faults == {}
 
 
 @pytest.mark.parametrize("kind", ["ros1-lz4", "mcap-lz4"])
