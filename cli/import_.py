@@ -87,8 +87,7 @@ def import_command(
 
     if dry_run:
         refuse_existing(out)
-        read = mapping_of(paths, mapping, words, salvage, raw)
-        report = read_by(*read, paths, salvage, _aside)[1]
+        report = read_by(*mapping_of(paths, mapping, words, salvage, raw), paths, salvage, _aside)[1]
         console(highlight=False).print(render(report))
         say(f"import: would write {out}; nothing was written")
         answer(dry_run=True, notes=list(report.notes))

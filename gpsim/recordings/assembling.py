@@ -15,7 +15,7 @@ from gpsim.recordings.episodes import Interval
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.recording import Episode
 from gpsim.recordings.signals import MOST_SAMPLES
-from gpsim.recordings.tracks import TopicCount, Track, at_times, samples
+from gpsim.recordings.tracks import Bound, TopicCount, Track, at_times, samples
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,9 @@ _Stage = tuple[str, list[Interval]]
 """What rows outside of the intervals are dropped for, and the intervals that are left."""
 
 
-def assemble(
-    source: str, tracks: Mapping[str, Track], mapping: ImportMapping, flag: Track | None
-) -> Assembled:
-    """Cut the log into episodes and put every channel on their grids.
-
-    tracks: by their names, already on one clock; flag: the track of `episodes.field`, if there is one.
-    """
+def assemble(source: str, tracks: Mapping[str, Track], mapping: Bound) -> Assembled:
+    """Cut the log into episodes and put every channel on their grids; tracks: by their names, on one clock."""
+    flag = None if mapping.flag is None else tracks[mapping.flag.track]
     state = {s.track: tracks[s.track] for s in mapping.measured}
     action = {s.track: tracks[s.track] for s in mapping.action}
     margin = _margin(state, mapping)

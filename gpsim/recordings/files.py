@@ -20,15 +20,7 @@ from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
 from gpsim.recordings.guessing import UNITS, alike, dated, likely_unit
-from gpsim.recordings.recording import (
-    UNSEEN,
-    Clock,
-    Episode,
-    HeldOut,
-    Recording,
-    Velocities,
-    pose_channels,
-)
+from gpsim.recordings.recording import UNSEEN, Clock, Episode, HeldOut, Recording, Velocities, pose_channels
 from gpsim.recordings.values import (
     LARGEST,
     LONGEST_LINE,

@@ -10,15 +10,12 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.recordings import signals
+from gpsim.recordings import guessing, signals, soundness
 from gpsim.recordings.assembling import Assembled, assemble
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.guessing import UNITS, likely_unit
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
 from gpsim.recordings.raw import NamedLog
 from gpsim.recordings.recording import Episode, Recording
-from gpsim.recordings.signals import Lag
-from gpsim.recordings.soundness import unmarked_wraps
 from gpsim.recordings.tracks import MISSING, Inspector, Part, TopicCount, read_parts
 from gpsim.recordings.values import LARGEST
 
@@ -42,7 +39,7 @@ class ImportReport:
     topics: tuple[TopicCount, ...]
     episodes: tuple[EpisodeCount, ...]
     rate: str
-    lags: tuple[Lag, ...] = ()
+    lags: tuple[signals.Lag, ...] = ()
     applied: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -137,11 +134,7 @@ def import_logs(
         lags=tuple(found),
         applied=shifts,
         notes=_notes(mapping, recording, built),
-        warnings=(
-            *losses,
-            *unmarked_wraps(parts, built),
-            *_warnings(mapping, recording, built),
-        ),
+        warnings=(*losses, *soundness.unmarked_wraps(parts, built), *_warnings(mapping, recording, built)),
     )
     provenance = {
         "mapping": _mapping_metadata(mapping),
@@ -188,18 +181,18 @@ def _command_topics(mapping: ImportMapping) -> set[str]:
     }
 
 
-def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[list[Assembled], list[Lag]]:
-    built, pieces = [], signals.Pieces()
+def _assemble_all(
+    parts: Sequence[Part], shifts: Mapping[str, float]
+) -> tuple[list[Assembled], list[signals.Lag]]:
+    built, pieces = [], list[signals.Piece]()
     for part in parts:
         tracks = {name: t.shifted(shifts.get(t.count.topic, 0.0)) for name, t in part.tracks.items()}
-        flag = None if part.flag is None else tracks[part.flag.count.name]
-        one = assemble(part.name, tracks, part.mapping, flag)
-        built.append(one)
-        pieces.add(tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in one.episodes])
-    return built, pieces.estimates()
+        built.append(assemble(part.name, tracks, part.mapping))
+        pieces.append((tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in built[-1].episodes]))
+    return built, signals.estimates(pieces)
 
 
-def _estimates(found: Sequence[Lag], parts: Sequence[Part]) -> dict[str, float]:
+def _estimates(found: Sequence[signals.Lag], parts: Sequence[Part]) -> dict[str, float]:
     topics = _command_topics(parts[0].mapping) if parts else set()
     best: dict[str, float] = {}
     for lag in sorted(found, key=lambda lag: -abs(lag.correlation)):
@@ -245,12 +238,13 @@ def _unit_hint(parts: Sequence[Part]) -> str:
             continue
         for track in part.tracks.values():
             step = float(np.median(np.diff(track.t))) if len(track.t) > 1 else 0.0
-            unit = likely_unit(track.t + part.epoch, step)
+            unit = guessing.likely_unit(track.t + part.epoch, step)
             if unit is not None:
+                scale = f"{guessing.UNITS[unit]:.0e}"
                 return (
                     f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
-                    f"time: {{field: {time.field}, scale: {UNITS[unit]:.0e}}} in the mapping, or time.scale="
-                    f"{UNITS[unit]:.0e} behind the command; if it is in seconds, raise gap_limit above {step:g}"
+                    f"time: {{field: {time.field}, scale: {scale}}} in the mapping, or time.scale={scale} behind the "
+                    f"command; if it is in seconds, raise gap_limit above {step:g}"
                 )
     return ""
 

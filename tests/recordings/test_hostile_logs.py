@@ -114,3 +114,14 @@ def test_a_file_whose_name_would_break_the_line_is_refused(cartpole_log, tmp_pat
     assert "the name 'a b.csv' holds a line break" in refused(read_logs, [tmp_path], None, WORDS)
     assert "File name too long" in refused(read_logs, [tmp_path / ("x" * 300)], None, WORDS)
     assert "neither a file nor one of" in refused(read_logs, [tmp_path], "x" * 300, WORDS)
+
+
+def test_a_channel_that_its_scale_makes_absurd_is_refused(cartpole_log):
+    said = refused(read_logs, [cartpole_log], None, [*WORDS, "state.x.scale=1e25", "state.x.offset=1e30"])
+    assert "channel x reaches 1.00001e+30 m" in said
+
+
+def test_a_table_in_seconds_with_slow_rows_is_told_of_the_gap_limit(cartpole_log):
+    frame = pd.read_csv(cartpole_log)
+    frame.assign(t=frame["t"] * 200).to_csv(cartpole_log, index=False)
+    assert "raise gap_limit above 4" in refused(read_logs, [cartpole_log], None, WORDS)

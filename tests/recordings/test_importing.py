@@ -287,3 +287,18 @@ def test_short_episodes_whose_clock_begins_anew_stay_what_they_are():
     assert len(recording.episodes) == 30
     for i, episode in enumerate(recording.episodes):
         assert episode.states[:, 0] == pytest.approx(10.0 * i + episode.t, abs=1e-3)
+
+
+def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():
+    pose = pose_series(T * 0.0, DRIVE.x(T), DRIVE.y(T), DRIVE.w * T, receive=T)
+    _, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
+    assert adds_up(report)["/pose"].clock == "receive (header never set)"
+    with pytest.raises(UsageError, match="never sets its header stamp"):
+        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"stamps": "header"})
+
+
+def test_a_clock_set_back_is_refused_where_several_topics_share_it():
+    t = np.concatenate([T, T[200:600] + 0.003])
+    pose = pose_series(t, DRIVE.x(t), DRIVE.y(t), DRIVE.w * t, receive=t)
+    with pytest.raises(UsageError, match="the clock of /pose was set back at row 1000"):
+        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)

@@ -8,7 +8,6 @@ import pytest
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
-from gpsim.diagnosis.setup import prepare
 from gpsim.reports.wording import worded
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
@@ -76,22 +75,6 @@ def test_the_cart_pole_falls_the_way_its_mapping_says(real):
     fit = np.linalg.lstsq(np.concatenate(rows), np.concatenate(accelerations), rcond=None)[0]
     assert fit[0] == pytest.approx(37.2, rel=0.2)
     assert fit[1] < -1.0
-
-
-@pytest.mark.usefixtures("own_files")
-@pytest.mark.parametrize("mapping", SETS)
-def test_every_set_can_be_put_as_a_question(real, tmp_path, mapping):
-    source, _ = SETS[mapping]
-    recording = import_log([real / source], tmp_path / "out", mapping).recording
-    simulator = make_simulator(f"{TANKS}:CascadedTanks" if mapping == "cascaded_tanks" else recording.system)
-    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
-    assert question.thinned == (10 if mapping == "emps" else 1)
-    assert question.hidden == (("upper",) if mapping == "cascaded_tanks" else ())
-    assert question.everything.substeps <= 4
-    measured = question.everything.windows.measured
-    assert np.isfinite(measured).all()
-    angles = [i for i, c in enumerate(recording.state) if c.wraps]
-    assert (np.abs(np.diff(measured[..., angles], axis=1)) < np.pi).all()
 
 
 USUAL = ("coulomb_friction", "viscous_friction", "constant_force")

@@ -14,11 +14,9 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers import messages
-from gpsim.recordings.readers.container import LATEST, Container, DamageError, Ledger, Stream
-from gpsim.recordings.readers.messages import Decoder, FieldPath, Named, PathError, Selection
+from gpsim.recordings.readers.container import LATEST, Container, DamageError, Ledger, Stream, check_topics
 from gpsim.recordings.values import one_line
 
 DEFAULT_DISTRO = "humble"
@@ -92,13 +90,10 @@ class BagLog:
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
-        count = len(self._streams)
-        if count > allowed(TOPICS):
-            told = f"it has {count} topics, the limit is {allowed(TOPICS)}; {more(count, TOPICS)}"
-            raise UsageError(f"{path}: {told}")
+        check_topics(path, len(self._streams))
         # Of an old sqlite3 bag without definitions: the message types of the ROS 2 that its metadata name.
         self.distro = container.distro if container.distro in messages.DISTROS else DEFAULT_DISTRO
-        self._decoders: dict[int, Decoder] = {}
+        self._decoders: dict[int, messages.Decoder] = {}
         self._nodes = 0
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
 
@@ -154,7 +149,7 @@ class BagLog:
                 break
         return found
 
-    def _decoder(self, stream: Stream, *, wanted: bool = False) -> Decoder:
+    def _decoder(self, stream: Stream, *, wanted: bool = False) -> messages.Decoder:
         """wanted: its messages are asked for; what is only listed must not cost more than a log is worth."""
         if stream.id not in self._decoders:
             most = messages.MAX_NODES_OF_A_LOG
@@ -194,7 +189,7 @@ class BagLog:
                 readings[stream.id] = _Reading(stream, known.decode_raw, rows, kept.append)
             except DamageError as error:
                 ledger.lost(error.reason, "definitions", topic, max(1, stream.count or 0))
-            except PathError as error:
+            except messages.PathError as error:
                 raise UsageError(f"{self.path}: topic {topic}: {error}") from error
         return readings
 
@@ -257,12 +252,12 @@ def _epoch(starts: Sequence[int]) -> int:
 
 
 def _row_maker(
-    decoder: Decoder, wanted: Sequence[str], absent: dict[str, int]
+    decoder: messages.Decoder, wanted: Sequence[str], absent: dict[str, int]
 ) -> Callable[[Any], Sequence[Row]]:
     """A function from message to rows (values in the order of `wanted`, stamp seconds, stamp nanoseconds).
 
     Paths that share a selection are found in the same rows, where the others' columns are absent. absent counts, by
-    field, the rows whose message has no such element. Raises PathError.
+    field, the rows whose message has no such element. Raises messages.PathError.
     """
     types = decoder.types
     paths = [messages.parse_path(text, types, decoder.name) for text in wanted]
@@ -274,7 +269,7 @@ def _row_maker(
         return lambda message: (get(message),)
     outer = _stamp(own)
 
-    def rows_of(selection: Selection | None) -> Callable[[Any], Sequence[Row]]:
+    def rows_of(selection: messages.Selection | None) -> Callable[[Any], Sequence[Row]]:
         getters = [_getter(path, absent, there=path.selection == selection) for path in paths]
         if selection is None:
             return lambda message: ([*(get(message) for get in getters), *outer(message)],)
@@ -302,7 +297,7 @@ def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]
     return get
 
 
-def _getter(path: FieldPath, absent: dict[str, int], *, there: bool) -> Callable[[Any], float]:
+def _getter(path: messages.FieldPath, absent: dict[str, int], *, there: bool) -> Callable[[Any], float]:
     """Follow attributes and indices; an index beyond the array's end, or a name not there, is NaN and counted."""
     if there and all(isinstance(step, str) for step in path.steps):
         return attrgetter(".".join(map(str, path.steps)))
@@ -310,7 +305,7 @@ def _getter(path: FieldPath, absent: dict[str, int], *, there: bool) -> Callable
         attrgetter(step)
         if isinstance(step, str)
         else step.beside()
-        if isinstance(step, Named)
+        if isinstance(step, messages.Named)
         else itemgetter(step)
         for step in path.steps
     ]

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Literal
 import lz4.frame
 
 from gpsim.errors import UsageError
-from gpsim.limits import BYTES_A_MESSAGE, CHUNKS_BYTES, CHUNKS_GROWTH, EMPTY, MESSAGES, allowed, more
+from gpsim.limits import BYTES_A_MESSAGE, CHUNKS_BYTES, CHUNKS_GROWTH, EMPTY, MESSAGES, TOPICS, allowed, more
 from gpsim.recordings.values import fault_of, one_line
 
 if sys.version_info >= (3, 14):
@@ -243,6 +243,13 @@ def topic_name(raw: bytes | str) -> tuple[str, str]:
         return f"'{one_line(raw, 60)}'", "its name is no text"
     fault = fault_of(name)
     return (name, "") if not fault else (f"'{one_line(name, 60)}'", f"its name {fault}")
+
+
+def check_topics(path: Path, count: int) -> None:
+    """Refuse a bag of more topics than any robot has."""
+    if count > allowed(TOPICS):
+        told = f"it has {count} topics, the limit is {allowed(TOPICS)}; {more(count, TOPICS)}"
+        raise UsageError(f"{path}: {told}")
 
 
 @dataclass

@@ -5,7 +5,6 @@ rosbags' reader asks sqlite to sort all messages by time; here rows stream in th
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 import weakref
@@ -18,9 +17,9 @@ from tempfile import mkdtemp
 from typing import Annotated, Any
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import container
 from gpsim.recordings.readers.container import (
     LATEST,
+    MAX_MESSAGE,
     Budget,
     Catalogue,
     Container,
@@ -29,7 +28,10 @@ from gpsim.recordings.readers.container import (
     Ledger,
     Message,
     Stream,
+    expand_file,
+    expand_message,
     refusal,
+    regular_file,
     topic_name,
     wrong_kind,
 )
@@ -60,7 +62,7 @@ class Sqlite(Container):
         uri = f"{self.path.resolve().as_uri()}?immutable=1"
         with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as base:
             base.text_factory = bytes
-            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, container.MAX_MESSAGE)
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
             base.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
             base.execute("PRAGMA trusted_schema=OFF")
             if salvage:
@@ -296,7 +298,7 @@ class Folder(Container):
                 UsageError
             ) as error:  # of one that cannot be read at all, which keeps salvage from no other
                 # The person knows the file by its own name, not by that of its unpacked copy.
-                reason = str(error).replace(f"{self._unpacked}{os.sep}", "")
+                reason = str(error).replace(f"{self._unpacked}/", "")
                 if not ledger.salvage:
                     raise UsageError(
                         reason if str(self.path) in reason else f"{self.path}: {reason}"
@@ -317,7 +319,7 @@ class Folder(Container):
                 self.where = part.where
                 if self._compressed:
                     try:
-                        data = container.expand_message(data)
+                        data = expand_message(data)
                     except DamageError as error:
                         ledger.lost(error.reason, self.where)
                         continue
@@ -326,13 +328,13 @@ class Folder(Container):
 
     def _open(self, name: str, compressed: bool, ledger: Ledger) -> Container:
         path = self.path / name
-        container.regular_file(path)
+        regular_file(path)
         if compressed:
             if self._unpacked is None:
                 self._unpacked = Path(mkdtemp(prefix="gpsim-bag-"))
                 weakref.finalize(self, shutil.rmtree, self._unpacked, ignore_errors=True)
             target = self._unpacked / path.stem
-            reason = container.expand_file(path, target)
+            reason = expand_file(path, target)
             if reason is not None:
                 ledger.lost(reason, METADATA)
             if not target.is_file() or target.stat().st_size == 0:
