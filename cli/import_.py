@@ -83,11 +83,11 @@ def import_command(
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from gpsim.reports.import_text import render
     from gpsim.stages.figures import paths_of, recording_figures
-    from gpsim.stages.import_log import import_log, read_any, refuse_existing
+    from gpsim.stages.import_log import import_log, mapping_of, read_by, refuse_existing
 
     if dry_run:
         refuse_existing(out)
-        report = read_any(paths, mapping, words, salvage, _aside, raw)[1]
+        report = read_by(*mapping_of(paths, mapping, words, salvage, raw), paths, salvage, _aside)[1]
         console(highlight=False).print(render(report))
         say(f"import: would write {out}; nothing was written")
         answer(dry_run=True, notes=list(report.notes))

@@ -27,12 +27,20 @@ from gpsim.effects.term import EPISODE
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.recordings.episodes import OverGaps
-from gpsim.recordings.export import wide_table, write_mcap
-from gpsim.recordings.files import read_bare_table, write_recording
-from gpsim.recordings.importing import EpisodeCount, ImportReport
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import (
+    Described,
+    Episode,
+    ImportReport,
+    OverGaps,
+    Recording,
+    open_log,
+    read_bare_table,
+    read_recording,
+    write_mcap,
+    write_recording,
+)
+from gpsim.recordings.export import wide_table
+from gpsim.recordings.importing import EpisodeCount
 from gpsim.reports.diagnosis_text import _part
 from gpsim.reports.import_text import as_text
 from gpsim.reports.loop_page import terminal_table
@@ -141,13 +149,14 @@ def test_an_export_of_odd_names_is_read_back(tmp_path):
     assert sorted(topics) == sorted([*(f"/measured/{name}" for name in state), "/command/F, 'N' \"q\""])
 
 
+MINE = Described("mine", Channels.of({"x": "m"}), Channels.of({"u": "N"}), {})
+
+
 def test_episodes_may_be_called_what_a_table_calls_nothing(tmp_path):
     names = ("NA", "007", "null", "nan", "1e3", " a", "None")
     write_recording(recorded(["x"], ["u"], names), tmp_path, "csv")
     assert tuple(e.name for e in read_recording(tmp_path).episodes) == names
-    bare = read_bare_table(
-        tmp_path / "recording.csv", "mine", Channels.of({"x": "m"}), Channels.of({"u": "N"}), {}
-    )
+    bare = read_bare_table(tmp_path / "recording.csv", MINE)
     assert tuple(e.name for e in bare.episodes) == names
 
 
@@ -155,7 +164,7 @@ def test_episodes_may_be_called_what_a_table_calls_nothing(tmp_path):
     "read",
     [
         lambda table: read_recording(table.parent),
-        lambda table: read_bare_table(table, "mine", Channels.of({"x": "m"}), Channels.of({"u": "N"}), {}),
+        lambda table: read_bare_table(table, MINE),
     ],
     ids=["recording", "bare"],
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,43 +12,10 @@ from gpsim.errors import UsageError
 from gpsim.recordings import clock, signals
 from gpsim.recordings import episodes as where
 from gpsim.recordings.episodes import Interval
-from gpsim.recordings.mapping import ChannelSource, ImportMapping, track_name
+from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.recording import Episode
 from gpsim.recordings.signals import MOST_SAMPLES
-from gpsim.recordings.tracks import Track, at_times, samples
-
-
-@dataclass(frozen=True)
-class TopicCount:
-    """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
-
-    kept: rows inside an episode (for commands: rows that stood at some moment of one). delay: median, 5 % and
-    95 % of receive minus header [s], None without a header; drift: least and largest of its running median [s].
-    part: the channels that are counted, where not all of the topic are found in the same rows.
-    """
-
-    source: str
-    topic: str
-    type: str
-    clock: str
-    read: int
-    kept: int
-    dropped: Mapping[str, int] = field(default_factory=dict)
-    noticed: Mapping[str, int] = field(default_factory=dict)
-    delay: tuple[float, float, float] | None = None
-    drift: tuple[float, float] | None = None
-    part: str = ""
-
-    @property
-    def name(self) -> str:
-        """The topic, and which part of it."""
-        return track_name(self.topic, self.part)
-
-    def __post_init__(self) -> None:
-        if self.read != self.kept + sum(self.dropped.values()):
-            raise AssertionError(
-                f"{self.source} {self.topic}: {self.read} rows read, but {self.kept} kept and {self.dropped}"
-            )
+from gpsim.recordings.tracks import Bound, TopicCount, Track, at_times, samples
 
 
 @dataclass(frozen=True)
@@ -64,13 +31,9 @@ _Stage = tuple[str, list[Interval]]
 """What rows outside of the intervals are dropped for, and the intervals that are left."""
 
 
-def assemble(
-    source: str, tracks: Mapping[str, Track], mapping: ImportMapping, flag: Track | None
-) -> Assembled:
-    """Cut the log into episodes and put every channel on their grids.
-
-    tracks: by their names, already on one clock; flag: the track of `episodes.field`, if there is one.
-    """
+def assemble(source: str, tracks: Mapping[str, Track], mapping: Bound) -> Assembled:
+    """Cut the log into episodes and put every channel on their grids; tracks: by their names, on one clock."""
+    flag = None if mapping.flag is None else tracks[mapping.flag.track]
     state = {s.track: tracks[s.track] for s in mapping.measured}
     action = {s.track: tracks[s.track] for s in mapping.action}
     margin = _margin(state, mapping)
@@ -89,8 +52,8 @@ def assemble(
     episodes = tuple(episode for episode in built if episode is not None)
     kept = [(float(e.t[0]), float(e.t[-1])) for e in episodes]
     stages.append(("in a piece too short or past its last step", kept))
-    every = {**action, **state} | ({flag.name: flag} if flag is not None else {})
-    counts = tuple(_count(source, track, stages, held=name not in state) for name, track in every.items())
+    every = {**action, **state} | ({flag.count.name: flag} if flag is not None else {})
+    counts = tuple(_count(track, stages, held=name not in state) for name, track in every.items())
     longest = 0.0
     for track in action.values():
         for episode in episodes:
@@ -110,26 +73,25 @@ def _stages(
     end = min((float(track.t[-1]) for track in state.values() if len(track.t)), default=-np.inf)
     solid = [(-np.inf, np.inf)]
     for track in state.values():
-        solid = where.common(solid, where.covered(track.t, None))
+        solid = where.common(solid, where.runs(track.t))
     for track in action.values():
-        solid = where.common(solid, where.standing(track.t, None, end))
+        solid = where.common(solid, where.standing(track.t, end))
     stages = [("before the first or after the last of another topic", solid)]
     for track in state.values():
-        solid = where.common(solid, where.covered(track.t, mapping.gap_limit))
+        solid = where.common(solid, where.runs(track.t, np.diff(track.t) > mapping.gap_limit * (1.0 + 1e-9)))
     stages.append((f"in a gap over {mapping.gap_limit:g} s", solid))
     if mapping.hold_limit is not None:
         for track in action.values():
-            solid = where.common(solid, where.standing(track.t, mapping.hold_limit, end))
+            solid = where.common(solid, where.standing(track.t, end, mapping.hold_limit))
         stages.append((f"no command within {mapping.hold_limit:g} s", solid))
     rule = mapping.episodes
     if flag is not None:
-        values, reason = flag.fields[rule.field or ""], f"between values of {rule.field}"
+        values = flag.fields[rule.field or ""]
+        pieces, reason = where.runs(flag.t, np.diff(values) != 0), f"between values of {rule.field}"
         if rule.by == "flag":
-            pieces = where.flagged(flag.t, values == rule.equals, end)
-            topic = "" if flag.topic in {track.topic for track in state.values()} else f" of {flag.topic}"
+            pieces, own = where.standing(flag.t, end, on=values == rule.equals), flag.count.topic
+            topic = "" if own in {track.count.topic for track in state.values()} else f" of {own}"
             reason = f"{rule.field}{topic} is not {rule.equals:g}"
-        else:
-            pieces = where.constant_pieces(flag.t, values)
         solid = where.common(solid, pieces)
         stages.append((reason, solid))
     if rule.min_duration > 0:
@@ -201,18 +163,15 @@ def _episode(
     return Episode("", at, np.stack(columns, axis=1), actions)
 
 
-def _count(source: str, track: Track, stages: Sequence[_Stage], *, held: bool) -> TopicCount:
+def _count(track: Track, stages: Sequence[_Stage], *, held: bool) -> TopicCount:
     """Give every row that is out to the first rule that put it out."""
     inside = where.stands_inside if held else where.inside
     left = np.ones(len(track.t), dtype=np.bool_)
-    dropped = dict(track.dropped)
+    dropped = dict(track.count.dropped)
     for reason, intervals in stages:
         now = left & inside(track.t, intervals)
         lost = int(left.sum() - now.sum())
         if lost:
             dropped[reason] = dropped.get(reason, 0) + lost
         left = now
-    same = {
-        name: getattr(track, name) for name in ("topic", "type", "clock", "read", "delay", "drift", "part")
-    }
-    return TopicCount(source, kept=int(left.sum()), dropped=dropped, noticed=track.noticed, **same)
+    return replace(track.count, kept=int(left.sum()), dropped=dropped)

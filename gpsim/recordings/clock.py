@@ -70,30 +70,30 @@ def in_order(stamps: FloatArray, values: FloatArray, jump: float, newest_of_burs
     newest_of_burst: keep only the newest of messages that arrived together (right for poses on receive time,
     where the others waited somewhere and their time of arrival says nothing).
     """
-    dropped: dict[str, int] = {}
-    keep = np.ones(len(stamps), dtype=np.bool_)
-    keep[jumping(stamps, jump)] = False
-    _count(dropped, "jumping stamp", int((~keep).sum()))
-    rows = np.flatnonzero(keep)
+    wrong = jumping(stamps, jump)
+    rows = np.delete(np.arange(len(stamps)), wrong)
     t = stamps[rows]
     late = int((t < np.maximum.accumulate(t)).sum()) if len(t) else 0
     order = np.argsort(t, kind="stable")
     rows, t = rows[order], t[order]
 
     same = np.flatnonzero(np.diff(t) == 0)
-    equal = (values[rows[same]] == values[rows[same + 1]]).all(axis=1)
-    _count(dropped, "duplicate", int(equal.sum()))
-    _count(dropped, "second value at one stamp", int((~equal).sum()))
+    equal = int((values[rows[same]] == values[rows[same + 1]]).all(axis=1).sum())
     rows, t = np.delete(rows, same), np.delete(t, same)  # the last of each stamp stays
 
     together = bursts(t)
     if newest_of_burst:
-        _count(dropped, "older of a burst", len(together))
         rows, t = np.delete(rows, together), np.delete(t, together)
-    noticed: dict[str, int] = {}
-    _count(noticed, "out of order", late)
-    _count(noticed, "in a burst", 0 if newest_of_burst else len(together))
-    return Ordered(rows, t, dropped, noticed)
+    burst = len(together)
+    dropped = {
+        "jumping stamp": len(wrong),
+        "duplicate": equal,
+        "second value at one stamp": len(same) - equal,
+    }
+    dropped |= {"older of a burst": burst} if newest_of_burst else {}
+    noticed = {"out of order": late, "in a burst": 0 if newest_of_burst else burst}
+    some = [{reason: count for reason, count in one.items() if count} for one in (dropped, noticed)]
+    return Ordered(rows, t, *some)
 
 
 def bursts(t: FloatArray) -> IntArray:
@@ -102,11 +102,6 @@ def bursts(t: FloatArray) -> IntArray:
         return np.zeros(0, dtype=np.int64)
     steps = np.diff(t)
     return np.flatnonzero(steps < BURST * np.median(steps))
-
-
-def _count(table: dict[str, int], reason: str, number: int) -> None:
-    if number:
-        table[reason] = table.get(reason, 0) + number
 
 
 # Absolute stamps (about 1.7e9 s) in double precision are a quarter of a microsecond apart: a command

@@ -21,35 +21,26 @@ if TYPE_CHECKING:
 Interval = tuple[float, float]
 
 
-def covered(t: FloatArray, gap_limit: float | None) -> list[Interval]:
-    """Intervals [s] in which consecutive stamps t (N,) are no further apart than gap_limit."""
-    return _runs(t, np.diff(t) > (np.inf if gap_limit is None else gap_limit * (1.0 + 1e-9)))
-
-
-def constant_pieces(t: FloatArray, values: FloatArray) -> list[Interval]:
-    """Intervals from the first to the last stamp of each run of one value (an episode column)."""
-    return _runs(t, np.diff(values) != 0)
-
-
-def _runs(t: FloatArray, ends: BoolArray) -> list[Interval]:
-    """From the first to the last stamp of each run; ends: (N - 1,) whether one ends before the next stamp."""
+def runs(t: FloatArray, ends: BoolArray | None = None) -> list[Interval]:
+    """From the first to the last stamp of each run of t (N,) s; ends: (N - 1,) whether one ends before the next."""
     if not len(t):
         return []
-    breaks = np.flatnonzero(ends)
+    breaks = np.flatnonzero(ends) if ends is not None else np.zeros(0, dtype=np.int64)
     starts, stops = np.append(t[:1], t[breaks + 1]), np.append(t[breaks], t[-1:])
     return list(zip(starts.tolist(), stops.tolist(), strict=True))
 
 
-def standing(t: FloatArray, hold_limit: float | None, end: float) -> list[Interval]:
-    """Intervals in which a held command stands: from each stamp to the next, at most hold_limit [s] on."""
-    return flagged(t, np.ones(len(t), dtype=np.bool_), end, hold_limit)
+def standing(
+    t: FloatArray, end: float, limit: float | None = None, on: BoolArray | None = None
+) -> list[Interval]:
+    """Intervals in which what is held stands: from each stamp to the next or to `end`, at most `limit` [s] on.
 
-
-def flagged(t: FloatArray, on: BoolArray, end: float, limit: float | None = None) -> list[Interval]:
-    """Intervals in which a held flag is on, from the stamp that sets it to the stamp that clears it, or `limit` [s]."""
+    on: (N,) which of the stamps set a flag, the others clear it.
+    """
     until = np.append(t[1:], max(end, t[-1])) if len(t) else t
     until = until if limit is None else np.minimum(until, t + limit)
-    return joined(zip(t[on].tolist(), until[on].tolist(), strict=True))
+    chosen = slice(None) if on is None else on
+    return joined(zip(t[chosen].tolist(), until[chosen].tolist(), strict=True))
 
 
 def joined(intervals: Iterable[Interval]) -> list[Interval]:

@@ -10,7 +10,6 @@ import csv
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -21,15 +20,7 @@ from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.limits import TABLE_BYTES, TABLE_COLUMNS, TABLE_GROWTH, allowed, more
 from gpsim.recordings.guessing import UNITS, alike, dated, likely_unit
-from gpsim.recordings.recording import (
-    UNSEEN,
-    Clock,
-    Episode,
-    HeldOut,
-    Recording,
-    Velocities,
-    pose_channels,
-)
+from gpsim.recordings.recording import UNSEEN, Clock, Episode, HeldOut, Recording, Velocities, pose_channels
 from gpsim.recordings.values import (
     LARGEST,
     LONGEST_LINE,
@@ -42,7 +33,6 @@ from gpsim.recordings.values import (
     check_columns,
     check_name,
     checked,
-    numbers_of,
     one_line,
 )
 from gpsim.recordings.yaml_data import read_yaml
@@ -163,7 +153,7 @@ def read_recording(path: Path) -> Recording:
     table = parquet if parquet.is_file() else text
     if not table.is_file():
         raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
-    columns = columns_of(read_frame(table, "round_trip"))
+    columns = _columns_of(read_frame(table, "round_trip"))
     if not any(map(len, columns.values())):
         raise UsageError(f"{table}: no rows")
     units = [{name: str(unit) for name, unit in one.items()} for one in (meta.state, meta.action)]
@@ -199,47 +189,37 @@ def _read_metadata(path: Path) -> _Metadata:
     return meta
 
 
-def read_bare_table(
-    path: Path,
-    system: str,
-    state: Channels,
-    action: Channels,
-    parameters: Mapping[str, float],
-    *,
-    optional: Collection[str] = (),
-    integrator: str = "euler",
-    stand_ins: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
-) -> Recording:
-    """Columns t [s], `state`, `action` and, if there are several, episode; states in `optional` may be absent.
+@dataclass(frozen=True)
+class Described:
+    """What a bare table is of. Its columns are t [s], the channels and, if there are several, episode.
 
-    So may all actions, of something that nobody commands. stand_ins: of an action the columns that may stand for it.
-
-    Every fault is a UsageError that names file, episode, row and column.
+    optional: states that may be absent, as all actions may of something that nobody commands; stand_ins: of an action
+    the columns that may stand for it.
     """
-    table = columns_of(read_frame(path))
-    return recording_of(
-        table, path, system, state, action, parameters,
-        optional=optional, integrator=integrator, stand_ins=stand_ins,
-    )  # fmt: skip
+
+    system: str
+    state: Channels
+    action: Channels
+    parameters: Mapping[str, float]
+    optional: Collection[str] = ()
+    integrator: str = "euler"
+    stand_ins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def read_bare_table(path: Path, described: Described) -> Recording:
+    """The recording of a CSV or Parquet table; every fault is a UsageError that names file, episode, row and column."""
+    return recording_of(read_frame(path), path, described)
 
 
 def recording_of(
-    table: Columns,
-    path: Path | str,
-    system: str,
-    state: Channels,
-    action: Channels,
-    parameters: Mapping[str, float],
-    *,
-    optional: Collection[str] = (),
-    integrator: str = "euler",
-    stand_ins: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
-    dt: float | None = None,
+    frame: pd.DataFrame, path: Path | str, described: Described, dt: float | None = None
 ) -> Recording:
     """The same of a table that is there already; path: what messages call it.
 
     dt: the usual step [s] where it is known, which says that t is in seconds; else the median step.
     """
+    table, system, state, action = _columns_of(frame), described.system, described.state, described.action
+    optional, stand_ins = described.optional, described.stand_ins
     held = Channels(tuple(c for c in state if c.name in table or c.name not in optional))
     held = held if len(held) else state
     stood = {
@@ -272,7 +252,8 @@ def recording_of(
     if dt is None:
         _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
     step = usual if dt is None else dt
-    return Recording(system, held, action, episodes, step, parameters, integrator, poses=poses)
+    base = described.parameters, described.integrator
+    return Recording(system, held, action, episodes, step, *base, poses=poses)
 
 
 def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Channels) -> None:
@@ -379,7 +360,7 @@ def _read_parquet(path: Path) -> pd.DataFrame:
     return frame
 
 
-def columns_of(frame: pd.DataFrame) -> Columns:
+def _columns_of(frame: pd.DataFrame) -> Columns:
     """The columns of a table that is there already; an episode without a name is called ""."""
     columns = {str(name): _values(frame[name]) for name in frame.columns}
     if "episode" in columns:
@@ -420,6 +401,10 @@ def _episodes_of(
     )
 
 
+def _numbers_of(table: Columns, names: Sequence[str], rows: IntArray) -> FloatArray:
+    return np.stack([np.asarray(table[name][rows], dtype=np.float64) for name in names]).T
+
+
 def _numeric_poses(table: Columns, taken: Collection[str]) -> Channels:
     """The poses of a table, of its columns of numbers."""
     return pose_channels([name for name, values in table.items() if values.dtype.kind in "fiu"], taken)
@@ -429,7 +414,7 @@ def _pose_values(table: Columns, rows: IntArray, poses: Channels) -> FloatArray 
     """(K + 1, P) of an episode's rows, NaN where nothing was seen; None where nobody looked."""
     if not len(poses):
         return None
-    values = numbers_of(table, poses.names, rows)
+    values = _numbers_of(table, poses.names, rows)
     return np.where(np.isfinite(values) & (np.abs(values) <= LARGEST), values, np.nan)
 
 
@@ -438,21 +423,21 @@ def _episode(
 ) -> Episode:
     check_name(name, f"{where}: column episode")
     try:
-        values = numbers_of(table, columns, rows)
+        values = _numbers_of(table, columns, rows)
     except (ValueError, TypeError) as error:
         raise UsageError(f"{where}: episode {name}: a value is not a number: {error}") from error
     used = np.ones(values.shape, dtype=np.bool_)
     used[-1, states:] = False
-    unfinite, large = ~np.isfinite(values) & used, (np.abs(values) > LARGEST) & np.isfinite(values) & used
-    for bad in (np.argwhere(unfinite), np.argwhere(large)):
-        if len(bad):
-            row, column = (int(i) for i in bad[0])
-            value, more = values[row, column], f"({len(bad)} such value(s)); drop or repair the rows"
-            place, channel = f"{where}: episode {name}, row {rows[row]}", columns[column]
-            if not np.isfinite(value):
-                raise UsageError(f"{place}, channel {channel}: {value} is not finite {more}")
+    finite, huge = np.isfinite(values), f"is no measurement, none is larger than {LARGEST:g}"
+    for kind, bad, why in (
+        ("channel", ~finite, "is not finite"),
+        ("column", finite & (np.abs(values) > LARGEST), huge),
+    ):
+        if (bad & used).any():
+            row, column = (int(i) for i in np.argwhere(bad & used)[0])
             raise UsageError(
-                f"{place}, column {channel}: {value:g} is no measurement, none is larger than {LARGEST:g} {more}"
+                f"{where}: episode {name}, row {rows[row]}, {kind} {columns[column]}: {values[row, column]:g} {why} "
+                f"({int((bad & used).sum())} such value(s)); drop or repair the rows"
             )
     t = values[:, 0]
     back = np.flatnonzero(np.diff(t) <= 0)

@@ -156,10 +156,10 @@ class Source:
         """As it is typed behind `channel=`; without the field where the topic holds nothing else."""
         return self.field if self.alone else f"{self.topic}:{self.field}"
 
-    def entry(self, unit: str, wraps: bool = False) -> dict[str, Any]:
+    def entry(self, unit: str, wraps: bool = False, kind: str = "field") -> dict[str, Any]:
         """The channel's entry of a mapping."""
         raw: dict[str, Any] = {} if self.alone else {"topic": self.topic}
-        raw |= {"field": self.field, "unit": unit}
+        raw |= {kind: self.field} | ({"angle": "yaw"} if kind == "quaternion" else {}) | {"unit": unit}
         raw |= {"scale": self.scale} if self.scale != 1.0 else {}
         return raw | ({"wraps": True} if wraps else {})
 
@@ -189,12 +189,19 @@ def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
     found = _found(text, topics)
     if found is not None:
         return found
-    scale, rest = 1.0, text
-    if rest.startswith("-"):
-        scale, rest = -1.0, rest[1:]
+    scale, rest = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
+    where = f"{channel}={one_line(text, 60)}"
     while "*" in rest:
-        factor, _, rest = rest.partition("*")
-        scale *= _factor(factor.strip(), channel, text)
+        said, _, rest = rest.partition("*")
+        try:
+            factor = FACTORS.get(said.strip()) or float(said)
+        except ValueError:
+            factor = math.nan
+        if not (math.isfinite(factor) and factor != 0.0):
+            units = ", ".join(FACTORS)
+            no = f"'{one_line(said.strip(), 30)}' is no factor; give a number, or one of {units}"
+            raise UsageError(f"{where}: {no}")
+        scale *= factor
     rest = rest.strip()
     found = _found(rest, topics)
     if found is None:
@@ -202,21 +209,8 @@ def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
         what = f"no column or topic '{one_line(rest, 40)}'{near(rest, names)}; there are: {listed(names)}"
         if several := [s.typed for s in sources_of(topics) if rest in (s.field, s.topic)]:
             what = f"which of {', '.join(several[:_SHOWN])}?"
-        raise UsageError(f"{channel}={one_line(text, 60)}: {what}")
-    return Source(found.topic, found.field, scale, found.alone)
-
-
-def _factor(text: str, channel: str, word: str) -> float:
-    try:
-        value = FACTORS[text] if text in FACTORS else float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value != 0.0):
-        raise UsageError(
-            f"{channel}={one_line(word, 60)}: '{one_line(text, 30)}' is no factor; give a number, or one of "
-            f"{', '.join(FACTORS)}"
-        )
-    return value
+        raise UsageError(f"{where}: {what}")
+    return replace(found, scale=scale)
 
 
 def _found(text: str, topics: Sequence[Topic]) -> Source | None:
@@ -291,11 +285,11 @@ Values = Callable[[str, str], FloatArray]
 class Clock:
     """raw: of the mapping; taken: what was decided, as it is typed; unclear: columns to choose from.
 
-    plain: told by a column in seconds that is called so.
+    names: the columns that it is of; plain: told by a column in seconds that is called so.
     """
 
     raw: dict[str, Any] = field(default_factory=dict)
-    used: set[tuple[str, str]] = field(default_factory=set)
+    names: Sequence[str] = ()
     taken: tuple[str, str] | None = None
     unclear: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -303,64 +297,53 @@ class Clock:
     plain: bool = False
 
 
-def clock_of(
-    topics: Sequence[Topic], given: str | None, step: str | None, values: Values, beside: str = ""
-) -> Clock:
+def _clock_of(tables: Sequence[Topic], given: Mapping[str, str], values: Values, beside: list[str]) -> Clock:
     """Of tables; of a bag nothing, whose messages have stamps.
 
-    given: `t=...`, step: `dt=...` as typed; beside: words of the columns of the state, which a clock may share.
+    given: `t=...` and `dt=...` as typed; beside: words of the columns of the state, which a clock may share.
     """
-    tables = [topic for topic in topics if topic.type == "table"]
     if not tables:
         return Clock()
     every = [name for name in tables[0].fields if all(name in table.fields for table in tables)]
     fields = every or list(tables[0].fields)
-
-    def used(*names: str) -> set[tuple[str, str]]:
-        return {(topic.name, name) for topic in tables for name in names}
-
-    if given is not None:
-        source = read_source(TIME, given, tables)
-        made = _column(source.field, source.scale, tables, values, typed=given)
-        made.used = used(source.field)
-        return made
+    if TIME in given:
+        source = read_source(TIME, given[TIME], tables)
+        return _column(source.field, tables, values, source.scale, given[TIME])
     pair = next((p for p in SECONDS if set(p) <= set(fields)), None)
     if pair is not None:
         raw = {"time": {"seconds": pair[0], "nanoseconds": pair[1]}}
-        return Clock(raw, used(*pair), remarks=[f"time from {pair[0]} and {pair[1]}"])
+        return Clock(raw, pair, remarks=[f"time from {pair[0]} and {pair[1]}"])
     named = [name for name in fields if TIMES & set(words_of(name)) and not NOT & set(words_of(name))]
     exact = [name for name in named if "_".join(words_of(name)) in TIMES]
-    shared = [name for name in named if beside and words_of(name)[:-1] == words_of(beside)]
-    chosen = shared or exact or named
-    if step is not None and not exact:
-        return _fixed(float(step), typed=step)
+    chosen = [name for name in named if beside and words_of(name)[:-1] == beside] or exact or named
+    if "dt" in given and not exact:
+        step = float(given["dt"])
+        if not (np.isfinite(step) and step > 0):
+            raise UsageError(f"dt={given['dt']}: give the seconds between two rows, as dt=0.01")
+        return _even(step)
     if chosen:
-        made = _column(chosen[0], None, tables, values)
-        made.unclear = chosen if len(chosen) > 1 else made.unclear
-        made.used = used(*chosen)
+        made = _column(chosen[0], tables, values)
+        made.unclear, made.names = (chosen if len(chosen) > 1 else made.unclear), chosen
         return made
     told = next((name for name in fields if "_".join(words_of(name)) in STEPS), None)
     if told is not None:
         column = values(tables[0].name, told)
         steps = np.unique(column[np.isfinite(column)])
-        if len(steps) == 1 and steps[0] > 0:
-            made = _fixed(float(steps[0]))
-            made.used, made.remarks = used(told), [f"{told} says a row every {steps[0]:g} s"]
+        if len(steps) == 1 and 0 < steps[0] < np.inf:
+            made = _even(float(steps[0]))
+            made.names, made.remarks = [told], [f"{told} says a row every {steps[0]:g} s"]
             return made
     return Clock(missing=True)
 
 
-def _fixed(step: float, typed: str | None = None) -> Clock:
-    if not (np.isfinite(step) and step > 0):
-        raise UsageError(f"dt={typed}: give the seconds between two rows, as dt=0.01")
-    raw = {"time": {"step": step}, "gap_limit": max(USUAL, GAP * step)}
-    return Clock(raw, taken=("dt", f"{step:g}"))
+def _even(step: float) -> Clock:
+    return Clock({"time": {"step": step}, "gap_limit": max(USUAL, GAP * step)}, taken=("dt", f"{step:g}"))
 
 
 def _column(
-    name: str, scale: float | None, tables: Sequence[Topic], values: Values, typed: str | None = None
+    name: str, tables: Sequence[Topic], values: Values, scale: float | None = None, typed: str | None = None
 ) -> Clock:
-    made = Clock(taken=(TIME, typed or name))
+    made = Clock(names=[name], taken=(TIME, typed or name))
     t = values(next(topic for topic in tables if name in topic.fields).name, name)
     t = t[np.isfinite(t)]
     steps = np.diff(t)
@@ -385,6 +368,7 @@ def _column(
 
 POSE = "pose"
 """`pose=TOPIC` says where x, y and yaw are from."""
+VEHICLE = {"x": "m", "y": "m", "yaw": "rad"}
 POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
@@ -405,83 +389,62 @@ COMMANDS = {
 
 @dataclass(frozen=True)
 class Pose:
-    """A topic, or columns of one, that hold a pose. prefix: of the columns; rate: of the messages [Hz], if known."""
+    """x, y and yaw of a topic, or of columns of one. name: as it is typed behind `pose=`; kind: of yaw's entry.
+
+    rate: of the messages [Hz], if known.
+    """
 
     topic: str
-    x: str
-    y: str
-    yaw: str
-    quaternion: bool
-    alone: bool
-    prefix: str = ""
+    name: str
+    sources: Mapping[str, Source]
+    kind: str = "quaternion"
     rate: float | None = None
-
-    @property
-    def name(self) -> str:
-        """As it is typed behind `pose=`."""
-        if not self.prefix:
-            return self.topic
-        return self.prefix if self.alone else f"{self.topic}:{self.prefix}"
-
-    def entries(self) -> dict[str, Any]:
-        """The three channels of a mapping."""
-        at: dict[str, Any] = {} if self.alone else {"topic": self.topic}
-        turned = {**at, "quaternion": self.yaw, "angle": "yaw", "unit": "rad", "wraps": True}
-        made = {name: source.entry(unit, name == "yaw") for name, (source, unit) in self.sources().items()}
-        return made | ({"yaw": turned} if self.quaternion else {})
-
-    def sources(self) -> dict[str, tuple[Source, str]]:
-        """The fields of its channels, and their units; of a quaternion none."""
-        columns = [("x", self.x, "m"), ("y", self.y, "m")]
-        columns += [] if self.quaternion else [("yaw", self.yaw, "rad")]
-        return {
-            name: (Source(self.topic, column, factor_of(column, unit), self.alone), unit)
-            for name, column, unit in columns
-        }
 
 
 def _often(topics: Sequence[Topic]) -> list[Topic]:
-    """The most often told first."""
     return sorted(topics, key=lambda topic: -topic.count)
 
 
-def poses_of(topics: Sequence[Topic]) -> list[Pose]:
+def _poses_of(topics: Sequence[Topic]) -> list[Pose]:
     """Every pose in the log, the most often told first."""
     alone, found = len(topics) == 1, []
     for topic in _often(topics):
         if topic.type in POSES:
-            found.append(pose_of(topic, alone))
+            position, turned = POSES[topic.type]
+            known = topic.start is not None and topic.end is not None and topic.end > topic.start
+            rate = (topic.count - 1) / (topic.end - topic.start) if known else None  # type: ignore[operator]
+            fields = {"x": f"{position}.x", "y": f"{position}.y", "yaw": turned}
+            sources = {name: Source(topic.name, field, alone=alone) for name, field in fields.items()}
+            found.append(Pose(topic.name, topic.name, sources, rate=rate))
         elif topic.type == "table":
             found += _of_columns(topic, alone)
     return found
 
 
-def pose_of(topic: Topic, alone: bool) -> Pose:
-    """The pose that messages of a known type hold."""
-    position, orientation = POSES[topic.type]
-    known = topic.start is not None and topic.end is not None and topic.end > topic.start
-    rate = (topic.count - 1) / (topic.end - topic.start) if known else None  # type: ignore[operator]
-    return Pose(topic.name, f"{position}.x", f"{position}.y", orientation, True, alone, rate=rate)
-
-
 def _of_columns(topic: Topic, alone: bool) -> list[Pose]:
     """x, y and a heading with the same words before them, as `vicon x`, `vicon y`, `vicon yaw`."""
-    groups: dict[tuple[str, ...], dict[str, str]] = {}
+    groups: dict[str, dict[str, str]] = {}
     for name in topic.fields:
         words = words_of(name)
         if words and not NO_STATE & set(words) and "." not in name:
             part = "yaw" if words[-1] in WORDS["heading"] else words[-1]
-            groups.setdefault(tuple(words[:-1]), {}).setdefault(part, name)
+            groups.setdefault(" ".join(words[:-1]), {}).setdefault(part, name)
     bases = [name.removesuffix(".w") for name in topic.fields if name.endswith(".w")]
     turned = next((base for base in bases if {f"{base}.{part}" for part in "xyz"} <= set(topic.fields)), None)
-    return [
-        Pose(topic.name, parts["x"], parts["y"], heading, "yaw" not in parts, alone, " ".join(prefix))
-        for prefix, parts in groups.items()
-        if {"x", "y"} <= set(parts) and (heading := parts.get("yaw") or turned) is not None
-    ]
+    found = []
+    for prefix, parts in groups.items():
+        kind, yaw = ("field", parts["yaw"]) if "yaw" in parts else ("quaternion", turned)
+        if {"x", "y"} <= set(parts) and yaw is not None:
+            sources = {
+                name: Source(topic.name, column, 1.0 if column == turned else factor_of(column, unit), alone)
+                for (name, unit), column in zip(VEHICLE.items(), (parts["x"], parts["y"], yaw), strict=True)
+            }
+            called = topic.name if not prefix else prefix if alone else f"{topic.name}:{prefix}"
+            found.append(Pose(topic.name, called, sources, kind))
+    return found
 
 
-def command_of(channel: str, topics: Sequence[Topic]) -> list[Source]:
+def _command_of(channel: str, topics: Sequence[Topic]) -> list[Source]:
     """The fields of typed command messages that are this channel, the most often told first."""
     known = [(topic, *COMMANDS[topic.type]) for topic in _often(topics) if topic.type in COMMANDS]
     return [
@@ -502,45 +465,34 @@ TORQUES = ("N m", "N")  # units of what a motor gives, and of an effort
 _NAMED = re.compile(r"(\w+)\[name=(.+)\]")
 
 
-def measured_joint(name: str, of: str | None, topics: Sequence[Topic]) -> list[Source]:
-    """Where a joint's position is told, or its velocity (`of`: the joint), the most often told first."""
-    every, asked = _of_joints(topics)
-    told = [topic for topic in every if topic not in asked]
-    return _named(told, topics, of or name, VELOCITY if of else POSITION)
+class _Joints:
+    """The topics that name joints, the most often told first; asked: those of them that ask something of these."""
 
+    def __init__(self, topics: Sequence[Topic]) -> None:
+        self.alone = len(topics) == 1
+        self.every = _often([topic for topic in topics if topic.type == JOINT_STATE])
+        self.asked = [topic for topic in self.every if ASKING & set(words_of(topic.name))]
+        self.told = [topic for topic in self.every if topic not in self.asked]
 
-def joint_command(name: str, unit: str, joint: str | None, topics: Sequence[Topic]) -> list[Source]:
-    """Where an actuator's command is told, by its own name or by that of the joint that it drives.
+    def named(self, topics: Sequence[Topic], name: str, kind: str) -> list[Source]:
+        """Where this is told of a joint: its position, velocity or effort."""
+        field = f"{kind}[name={name}]"
+        return [Source(topic.name, field, alone=self.alone) for topic in topics if field in topic.fields]
 
-    Of a motor that nobody tells a command, it is the torque that was measured at its joint.
-    """
-    every, asked = _of_joints(topics)
-    kind = {"rad": POSITION, "m": POSITION, "rad/s": VELOCITY, "m/s": VELOCITY}.get(unit, EFFORT)
-    for called in dict.fromkeys((name, name.removesuffix("_cmd"), joint)):
-        if called is None:
-            continue
-        fields = [m for topic in asked for f in topic.fields if (m := _NAMED.fullmatch(f))]
-        kinds = {m[1] for m in fields if m[2] == called}
-        for part in (kind, *(kinds if len(kinds) == 1 else ())):
-            if found := _named(asked, topics, called, part):
-                return found
-    found = _named(every, topics, name, kind) if name != joint else []
-    told = [topic for topic in every if topic not in asked] if unit in TORQUES else []
-    return found or _named(told, topics, joint or name, EFFORT)
+    def command(self, name: str, unit: str, joint: str | None) -> list[Source]:
+        """Where an actuator's command is told, by its own name or by that of the joint that it drives.
 
-
-def _of_joints(topics: Sequence[Topic]) -> tuple[list[Topic], list[Topic]]:
-    """(topics that name joints, those of them that ask something of these), the most often told first."""
-    every = _often([topic for topic in topics if topic.type == JOINT_STATE])
-    return every, [topic for topic in every if ASKING & set(words_of(topic.name))]
-
-
-def _named(told: Sequence[Topic], topics: Sequence[Topic], name: str, kind: str) -> list[Source]:
-    field = f"{kind}[name={name}]"
-    return [Source(topic.name, field, alone=len(topics) == 1) for topic in told if field in topic.fields]
-
-
-VEHICLE = ("x", "y", "yaw")
+        Of a motor that nobody tells a command, it is the torque that was measured at its joint.
+        """
+        kind = {"rad": POSITION, "m": POSITION, "rad/s": VELOCITY, "m/s": VELOCITY}.get(unit, EFFORT)
+        for called in dict.fromkeys((name, name.removesuffix("_cmd"), joint)):
+            fields = [m for topic in self.asked for f in topic.fields if (m := _NAMED.fullmatch(f))]
+            kinds = {m[1] for m in fields if m[2] == called}
+            for part in (kind, *(kinds if len(kinds) == 1 else ())):
+                if called is not None and (found := self.named(self.asked, called, part)):
+                    return found
+        found = self.named(self.every, name, kind) if name != joint else []
+        return found or self.named(self.told if unit in TORQUES else [], joint or name, EFFORT)
 
 
 @dataclass(frozen=True)
@@ -564,20 +516,45 @@ class System:
     @property
     def is_vehicle(self) -> bool:
         """Whether its state is a pose in the plane."""
-        return self.state.names == VEHICLE
+        return self.state.names == tuple(VEHICLE)
+
+
+SURE = 2.0  # a fit that is more than its last word
+AS_GOOD = 0.05  # fits that differ by less are a tie
+SWITCHES = frozenset({"safety", "enable", "enabled", "armed", "estop", "deadman", "engaged"})
+_ACTIONS = {
+    "N": "force", "N m": "torque", "m/s": "speed_command", "rad/s": "turn_command", "rad": "steering_command",
+}  # fmt: skip
+
+
+def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], values: Values) -> Guess:
+    """The mapping that the names of topics and columns suggest; given: `channel: source` as typed, which is kept.
+
+    Raises UsageError where what is given cannot be.
+    """
+    known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] * system.is_vehicle)]
+    for name, typed in given.items():
+        if name not in known:
+            there = ", ".join(known)
+            raise UsageError(f"{name}={typed}: no channel of {system.name}; there are: {there}")
+    made = Guess(system, [topic for topic in topics if topic.count and not topic.fault], given)
+    made.find(values)
+    return made
 
 
 @dataclass
 class Guess:
     """A mapping, and how it came about.
 
-    taken: channel -> source as typed; missing: channels without a sure source, with what might be theirs; unclear:
-    channels whose source is likely, with the others; typed: every channel is told by the type of a message; switch: a
-    source that may say when the motors were on, and the words that cut the log by it; fit: of the names, summed.
+    topics: that can be read; given: channel -> source as typed; taken: the same of what was found; missing: channels
+    without a sure source, with what might be theirs; unclear: channels whose source is likely, with the others; typed:
+    every channel is told by the type of a message; switch: a source that may say when the motors were on, and the words
+    that cut the log by it; fit: of the names, summed.
     """
 
     system: System
-    raw: dict[str, Any]
+    topics: Sequence[Topic]
+    given: Mapping[str, str]
     taken: dict[str, str] = field(default_factory=dict)
     missing: dict[str, list[str]] = field(default_factory=dict)
     unclear: dict[str, list[str]] = field(default_factory=dict)
@@ -586,181 +563,150 @@ class Guess:
     switch: tuple[str, str] | None = None
     fit: float = 0.0
 
+    def __post_init__(self) -> None:
+        self.raw: dict[str, Any] = {"system": self.system.recorded_as or self.system.name, "rate": "source"}
+        self.raw |= {"model": self.system.model} if self.system.model is not None else {}
+        self.raw |= {"state": {}, "action": {}}
+        self._joints = _Joints(self.topics)
+        self._used: set[tuple[str, str]] = set()
+
     @property
     def complete(self) -> bool:
         """Whether nothing is left to ask."""
         return not self.missing and not self.unclear
 
+    def find(self, values: Values) -> None:
+        """Look for every channel, and for what tells the time."""
+        if self.system.is_vehicle and not any(name in self.given for name in VEHICLE):
+            self._take_pose()
+        beside = words_of(self.taken.get(POSE, "").rpartition(":")[2])
+        tables = [topic for topic in self.topics if topic.type == "table"]
+        clock = _clock_of(tables, self.given, values, beside)
+        self._used |= {(table.name, name) for table in tables for name in clock.names}
+        for channel in self.system.state if not self.raw["state"] else ():
+            self._measure(channel)
+        for channel in self.system.action:
+            self._command(channel)
+        for source in sources_of(self.topics):  # a command is obeyed only when the motors are on
+            if SWITCHES & set(words_of(self._called(source))):
+                at = [] if source.alone else [f"episodes.topic={source.topic}"]
+                words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
+                self.switch = short(source, self.topics), " ".join(shlex.quote(word) for word in words)
+                break
+        self.raw |= clock.raw
+        self.remarks += clock.remarks
+        if clock.missing:
+            self.missing[TIME] = [source.typed for source in sources_of(self.topics)]
+        if clock.unclear:
+            self.unclear[TIME] = clock.unclear
+        if clock.taken and (clock.unclear or not clock.plain):
+            self.taken[clock.taken[0]] = clock.taken[1]
+        if len(self.topics) == 1 and "episode" in (*self.topics[0].fields, *self.topics[0].texts):
+            self.raw["episodes"] = {"by": "column", "field": "episode"}
 
-SURE = 2.0  # a fit that is more than its last word
-AS_GOOD = 0.05  # fits that differ by less are a tie
-SWITCHES = frozenset({"safety", "enable", "enabled", "armed", "estop", "deadman", "engaged"})
-
-
-def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], values: Values) -> Guess:
-    """The mapping that the names of topics and columns suggest; given: `channel: source` as typed, which is kept.
-
-    Raises UsageError where what is given cannot be.
-    """
-    sound = [topic for topic in topics if topic.count and not topic.fault]
-    made = Guess(system, {"system": system.recorded_as or system.name, "rate": "source"})
-    made.raw |= {"model": system.model} if system.model is not None else {}
-    known = [*system.state.names, *system.action.names, TIME, "dt", *([POSE] * system.is_vehicle)]
-    for name, typed in given.items():
-        if name not in known:
-            there = ", ".join(known)
-            raise UsageError(f"{name}={typed}: no channel of {system.name}; there are: {there}")
-    guesser = _Guesser(made, sound, given)
-    if system.is_vehicle and not any(name in given for name in VEHICLE):
-        guesser.take_pose()
-    beside = made.taken.get(POSE, "").rpartition(":")[2]
-    clock = clock_of(sound, given.get(TIME), given.get("dt"), values, beside)
-    guesser.used |= clock.used
-    for channel in system.state if not guesser.state else ():
-        guesser.measure(channel)
-    for channel in system.action:
-        guesser.command(channel)
-    for source in sources_of(sound):  # what may say when the motors were on: a command is obeyed only then
-        if SWITCHES & set(words_of(guesser.called(source))):
-            at = [] if source.alone else [f"episodes.topic={source.topic}"]
-            words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
-            made.switch = short(source, sound), " ".join(shlex.quote(word) for word in words)
-            break
-    made.raw |= {"state": guesser.state, "action": guesser.action}
-    made.raw |= clock.raw
-    made.remarks += clock.remarks
-    if clock.missing:
-        made.missing[TIME] = [source.typed for source in sources_of(sound)]
-    if clock.unclear:
-        made.unclear[TIME] = clock.unclear
-    if clock.taken and (clock.unclear or not clock.plain):
-        made.taken[clock.taken[0]] = clock.taken[1]
-    if len(sound) == 1 and "episode" in (*sound[0].fields, *sound[0].texts):
-        made.raw["episodes"] = {"by": "column", "field": "episode"}
-    return made
-
-
-_ACTIONS = {
-    "N": "force", "N m": "torque", "m/s": "speed_command", "rad/s": "turn_command", "rad": "steering_command",
-}  # fmt: skip
-
-
-@dataclass
-class _Guesser:
-    """A guess in the making. used: (topic, field) that are a channel's already."""
-
-    made: Guess
-    topics: Sequence[Topic]
-    given: Mapping[str, str]
-    state: dict[str, Any] = field(default_factory=dict)
-    action: dict[str, Any] = field(default_factory=dict)
-    used: set[tuple[str, str]] = field(default_factory=set)
-
-    def take_pose(self) -> None:
-        """Take the pose's three channels, where a topic has one."""
-        made, poses = self.made, poses_of(self.topics)
-        named = self.given.get(POSE)
+    def _take_pose(self) -> None:
+        poses, named = _poses_of(self.topics), self.given.get(POSE)
         if named is None and len(poses) > 1:
-            made.unclear[POSE] = [pose.name for pose in poses]
+            self.unclear[POSE] = [pose.name for pose in poses]
         chosen = next((pose for pose in poses if named in (None, pose.name, pose.topic)), None)
         if named is not None and chosen is None:
             there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw by themselves"
             raise UsageError(f"pose={named}: no such pose; there are: {there}")
         if chosen is None:
             return
-        self.used |= {(chosen.topic, name) for name in (chosen.x, chosen.y, chosen.yaw)}
-        made.typed &= not chosen.prefix
-        sources = {name: source for name, (source, _) in chosen.sources().items()}
-        if not chosen.quaternion and any(source.scale != 1.0 for source in sources.values()):
-            made.taken |= {name: self._typed(source) for name, source in sources.items()}
+        self._used |= {(chosen.topic, source.field) for source in chosen.sources.values()}
+        self.typed &= chosen.name == chosen.topic
+        turned = chosen.kind == "quaternion"
+        if not turned and any(source.scale != 1.0 for source in chosen.sources.values()):
+            self.taken |= {name: self._typed(source) for name, source in chosen.sources.items()}
         else:
-            made.taken[POSE] = chosen.name
-        made.fit += EXACT * len(VEHICLE)
+            self.taken[POSE] = chosen.name
+        self.fit += EXACT * len(VEHICLE)
         if chosen.rate:
-            made.raw |= {"rate": min(50, max(1, round(chosen.rate)))}
-        self.state |= chosen.entries()
+            self.raw |= {"rate": min(50, max(1, round(chosen.rate)))}
+        self.raw["state"] |= {
+            name: source.entry(VEHICLE[name], name == "yaw", chosen.kind if name == "yaw" else "field")
+            for name, source in chosen.sources.items()
+        }
 
-    def measure(self, channel: Channel) -> None:
-        """Find the source of a channel of the state."""
-        made, name = self.made, channel.name
-        of, optional = made.system.velocities.get(name), name in made.system.optional
+    def _measure(self, channel: Channel) -> None:
+        name = channel.name
+        of, optional = self.system.velocities.get(name), name in self.system.optional
         if self.given.get(name) == NOTHING and (of is not None or optional):
             return
-        words = _state_words(channel, of, made.taken.get(of or "", ""))
-        typed = measured_joint(name, of, self.topics)
-        if self._found(self.state, channel, typed, words, NO_STATE):
+        typed = self._joints.named(self._joints.told, of or name, VELOCITY if of else POSITION)
+        words = _state_words(channel, of, self.taken.get(of or "", ""))
+        if self._found(channel, "state", typed, words, NO_STATE):
             return
-        if of is not None and of in self.state and not optional:
-            self.state[name] = {"derivative_of": of, "unit": channel.unit}
-            made.remarks.append(f"{name} is differentiated from {of}")
-        elif of not in made.missing and not optional:
-            made.missing[name] = self._unused(NO_STATE)
+        if of is not None and of in self.raw["state"] and not optional:
+            self.raw["state"][name] = {"derivative_of": of, "unit": channel.unit}
+            self.remarks.append(f"{name} is differentiated from {of}")
+        elif of not in self.missing and not optional:
+            self.missing[name] = self._unused(NO_STATE)
 
-    def command(self, channel: Channel) -> None:
-        """Find the source of an action."""
-        made, name = self.made, channel.name
+    def _command(self, channel: Channel) -> None:
+        name = channel.name
         if self.given.get(name) == NOTHING:
-            made.taken[name] = NOTHING
+            self.taken[name] = NOTHING
             return
-        joint = made.system.drives.get(name)
-        typed = command_of(name, self.topics) or joint_command(name, channel.unit, joint, self.topics)
+        joint = self.system.drives.get(name)
+        typed = _command_of(name, self.topics) or self._joints.command(name, channel.unit, joint)
         of_joint = drive_words(joint, channel.unit) if joint else ()
         words = (*of_joint, *WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input")))
-        if not self._found(self.action, channel, typed, words, NO_ACTION):
-            made.missing[name] = self._unused(NO_ACTION)
+        if not self._found(channel, "action", typed, words, NO_ACTION):
+            self.missing[name] = self._unused(NO_ACTION)
 
     def _found(
         self,
-        entries: dict[str, Any],
         channel: Channel,
+        role: str,
         typed: Sequence[Source],
         words: Sequence[str],
         never: frozenset[str],
     ) -> bool:
         """Take what is given, else what the type of a message tells, else the name that fits best, if one does."""
-        name, made = channel.name, self.made
+        name = channel.name
         if name in self.given:
-            self._take(entries, channel, read_source(name, self.given[name], self.topics))
+            self._take(channel, role, read_source(name, self.given[name], self.topics))
             return True
         if typed:
-            self._take(entries, channel, typed[0])
-            made.fit += EXACT
+            self._take(channel, role, typed[0])
+            self.fit += EXACT
             if len(typed) > 1:
-                made.unclear[name] = [short(source, self.topics) for source in typed]
+                self.unclear[name] = [short(source, self.topics) for source in typed]
             return True
-        fits = [(likeness(self.called(s), name, words, never), s) for s in self._free()]
+        fits = [(likeness(self._called(s), name, words, never), s) for s in self._free()]
         best = max((fit for fit, _ in fits), default=0.0)
-        if best <= 0.0 or (best < SURE and channel in made.system.action):
+        if best <= 0.0 or (best < SURE and role == "action"):
             return False  # another's command would do, and say something else
         chosen = as_good = [source for fit, source in fits if fit > best - AS_GOOD]
         if len(as_good) == 1 and best < SURE:
             chosen = [s for fit, s in sorted(fits, key=lambda pair: -pair[0]) if fit > 0.0]
         if len(as_good) > 1 or best < SURE:
-            made.unclear[name] = [short(source, self.topics) for source in chosen]
-        made.typed = False
-        factor = factor_of(as_good[0].field, channel.unit)
-        self._take(entries, channel, replace(as_good[0], scale=factor))
-        made.fit += best
+            self.unclear[name] = [short(source, self.topics) for source in chosen]
+        self.typed = False
+        self._take(channel, role, replace(as_good[0], scale=factor_of(as_good[0].field, channel.unit)))
+        self.fit += best
         return True
 
     def _free(self) -> list[Source]:
-        """Sources that are nobody's."""
-        return [s for s in sources_of(self.topics) if (s.topic, s.field) not in self.used]
+        return [s for s in sources_of(self.topics) if (s.topic, s.field) not in self._used]
 
     def _unused(self, never: frozenset[str]) -> list[str]:
         """What might be a channel's: sources that are nobody's, those that a name speaks against at the end."""
-        free = sorted(self._free(), key=lambda source: bool(never & set(words_of(self.called(source)))))
+        free = sorted(self._free(), key=lambda source: bool(never & set(words_of(self._called(source)))))
         return [short(source, self.topics) for source in free]
 
-    def called(self, source: Source) -> str:
+    def _called(self, source: Source) -> str:
         """A scalar message is called as its topic; a field is as what it holds."""
         name = short(source, self.topics)
         return name if name != source.typed else source.field
 
-    def _take(self, entries: dict[str, Any], channel: Channel, source: Source) -> None:
-        entries[channel.name] = source.entry(channel.unit, channel.wraps or channel.name == "yaw")
-        self.used.add((source.topic, source.field))
-        self.made.taken[channel.name] = self._typed(source)
+    def _take(self, channel: Channel, role: str, source: Source) -> None:
+        wraps = channel.wraps or channel.name == "yaw"
+        self.raw[role][channel.name] = source.entry(channel.unit, wraps)
+        self._used.add((source.topic, source.field))
+        self.taken[channel.name] = self._typed(source)
 
     def _typed(self, source: Source) -> str:
         """The source and its factor, as they are typed behind `channel=`."""

@@ -10,16 +10,13 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.recordings import signals
-from gpsim.recordings.assembling import Assembled, TopicCount, assemble
+from gpsim.recordings import guessing, signals, soundness
+from gpsim.recordings.assembling import Assembled, assemble
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.guessing import UNITS, likely_unit
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
 from gpsim.recordings.raw import NamedLog
 from gpsim.recordings.recording import Episode, Recording
-from gpsim.recordings.signals import Lag
-from gpsim.recordings.soundness import unmarked_wraps
-from gpsim.recordings.tracks import MISSING, Inspector, Part, read_parts
+from gpsim.recordings.tracks import MISSING, Inspector, Part, TopicCount, read_parts
 from gpsim.recordings.values import LARGEST
 
 
@@ -42,7 +39,7 @@ class ImportReport:
     topics: tuple[TopicCount, ...]
     episodes: tuple[EpisodeCount, ...]
     rate: str
-    lags: tuple[Lag, ...] = ()
+    lags: tuple[signals.Lag, ...] = ()
     applied: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -137,11 +134,7 @@ def import_logs(
         lags=tuple(found),
         applied=shifts,
         notes=_notes(mapping, recording, built),
-        warnings=(
-            *losses,
-            *unmarked_wraps(parts, built),
-            *_warnings(mapping, recording, built),
-        ),
+        warnings=(*losses, *soundness.unmarked_wraps(parts, built), *_warnings(mapping, recording, built)),
     )
     provenance = {
         "mapping": _mapping_metadata(mapping),
@@ -168,7 +161,7 @@ def _check_values(mapping: ImportMapping, episodes: Sequence[Episode]) -> None:
 
 def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
     """Settings of the clock that would do nothing."""
-    known = sorted({track.topic for part in parts for track in part.tracks.values()})
+    known = sorted({track.count.topic for part in parts for track in part.tracks.values()})
     for setting, topics in (("offsets", mapping.clock.offsets), ("topics", mapping.clock.topics)):
         for topic in topics:
             if topic not in known:
@@ -188,19 +181,18 @@ def _command_topics(mapping: ImportMapping) -> set[str]:
     }
 
 
-def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[list[Assembled], list[Lag]]:
-    built, pieces = [], signals.Pieces()
+def _assemble_all(
+    parts: Sequence[Part], shifts: Mapping[str, float]
+) -> tuple[list[Assembled], list[signals.Lag]]:
+    built, pieces = [], list[signals.Piece]()
     for part in parts:
-        tracks = {name: track.shifted(shifts.get(track.topic, 0.0)) for name, track in part.tracks.items()}
-        flag = None if part.flag is None else tracks[part.flag.name]
-        one = assemble(part.name, tracks, part.mapping, flag)
-        built.append(one)
-        pieces.add(tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in one.episodes])
-    return built, pieces.estimates()
+        tracks = {name: t.shifted(shifts.get(t.count.topic, 0.0)) for name, t in part.tracks.items()}
+        built.append(assemble(part.name, tracks, part.mapping))
+        pieces.append((tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in built[-1].episodes]))
+    return built, signals.estimates(pieces)
 
 
-def _estimates(found: Sequence[Lag], parts: Sequence[Part]) -> dict[str, float]:
-    """The lag of the best correlated command of each command topic."""
+def _estimates(found: Sequence[signals.Lag], parts: Sequence[Part]) -> dict[str, float]:
     topics = _command_topics(parts[0].mapping) if parts else set()
     best: dict[str, float] = {}
     for lag in sorted(found, key=lambda lag: -abs(lag.correlation)):
@@ -246,12 +238,13 @@ def _unit_hint(parts: Sequence[Part]) -> str:
             continue
         for track in part.tracks.values():
             step = float(np.median(np.diff(track.t))) if len(track.t) > 1 else 0.0
-            unit = likely_unit(track.t + part.epoch, step)
+            unit = guessing.likely_unit(track.t + part.epoch, step)
             if unit is not None:
+                scale = f"{guessing.UNITS[unit]:.0e}"
                 return (
                     f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
-                    f"time: {{field: {time.field}, scale: {UNITS[unit]:.0e}}} in the mapping, or time.scale="
-                    f"{UNITS[unit]:.0e} behind the command; if it is in seconds, raise gap_limit above {step:g}"
+                    f"time: {{field: {time.field}, scale: {scale}}} in the mapping, or time.scale={scale} behind the "
+                    f"command; if it is in seconds, raise gap_limit above {step:g}"
                 )
     return ""
 
@@ -278,7 +271,6 @@ def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: b
 
 
 def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
-    """How commands were held, velocities made, and what is held out."""
     notes = []
     if len(mapping.action):
         mean = mapping.commands == "mean"
@@ -304,7 +296,6 @@ def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembl
 
 
 def _describe(smoothing: Smoothing) -> str:
-    """A smoothing choice in words."""
     edges = "edges trimmed" if smoothing.edges == "trim" else "edges by a one-sided fit"
     if smoothing.method == "gaussian":
         return f"Gaussian smoothing of sigma = {smoothing.sigma:g} samples of the source, {edges}"
@@ -314,7 +305,6 @@ def _describe(smoothing: Smoothing) -> str:
 
 
 def _warnings(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
-    """What asks for a second look."""
     found = []
     clocks = {(count.topic, count.clock) for one in built for count in one.counts}
     kinds = {
@@ -364,7 +354,6 @@ def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
 
 
 def _mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
-    """The decisions of the mapping, for recording.yaml."""
     metadata: dict[str, Any] = {
         "state": {source.name: _origin(source) for source in mapping.state},
         "action": {source.name: _origin(source) for source in mapping.action},
@@ -380,7 +369,6 @@ def _mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
 
 
 def _origin(source: ChannelSource) -> dict[str, Any]:
-    """What a recording keeps of a channel's origin."""
     raw: dict[str, Any] = {"topic": source.topic, "field": source.field, "quaternion": source.quaternion}
     raw["angle"] = source.angle if source.quaternion else None
     raw["derivative_of"] = source.derivative_of

@@ -102,7 +102,6 @@ def inspect_log(
 
 
 def _columns(log: RawLog, topic: str, names: Sequence[str]) -> dict[str, FloatArray]:
-    """Of a table; none where they cannot be read."""
     try:
         return dict(log.series({topic: names})[topic].fields)
     except UsageError:

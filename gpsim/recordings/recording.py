@@ -236,7 +236,6 @@ def apart(recording: Recording) -> list[Recording]:
 
 
 def _check_alike(one: Recording, other: Recording, first: str, second: str) -> None:
-    """What two recordings must share: the system, what is recorded in which units, the rate and the base simulator."""
     pairs: list[tuple[str, object, object]] = [("system", one.system, other.system)]
     for kind, own, theirs in (("state", one.state, other.state), ("action", one.action, other.action)):
         if not own.same_as(theirs):

@@ -102,10 +102,7 @@ class Lag:
 
 
 def estimate_lag(
-    names: tuple[str, str],
-    pieces: Sequence[tuple[FloatArray, FloatArray]],
-    step: float,
-    within: float = 1.0,
+    names: tuple[str, str], pieces: Sequence[tuple[FloatArray, FloatArray]], step: float, within: float = 1.0
 ) -> Lag:
     """Cross-correlate command and response over episodes; the peak is refined by a parabola.
 
@@ -151,31 +148,28 @@ STEP = 0.01  # finest grid of the correlation [s]
 MOST = 20_000_000  # samples of a piece; one that is far longer than its pace lets expect tells nothing
 
 
-class Pieces:
-    """Command and response signals of all episodes on one even grid; a response is the rate of a channel."""
+Piece = tuple[Mapping[str, Track], ImportMapping, Sequence[Interval]]
+"""Tracks by their names, what they are, and the intervals in which episodes lie."""
 
-    def __init__(self) -> None:
-        self.step: float | None = None
-        self.pairs: dict[tuple[str, str], list[tuple[FloatArray, FloatArray]]] = {}
 
-    def add(self, tracks: Mapping[str, Track], mapping: ImportMapping, intervals: Sequence[Interval]) -> None:
-        """Take what the episodes in `intervals` show."""
-        measured = mapping.measured
-        pace = [float(np.median(np.diff(tracks[s.track].t))) for s in measured if len(tracks[s.track].t) > 1]
-        if self.step is None:
-            self.step = max([STEP, *pace])
+def estimates(parts: Sequence[Piece]) -> list[Lag]:
+    """For every command that moves, the response that follows it best, on one even grid over all episodes.
+
+    A response is the rate of a channel, or a pose's speed along its heading.
+    """
+    step: float | None = None
+    pairs: dict[tuple[str, str], list[tuple[FloatArray, FloatArray]]] = {}
+    for tracks, mapping, intervals in parts:
+        measured = [(s, tracks[s.track]) for s in mapping.measured]
+        pace = [float(np.median(np.diff(track.t))) for _, track in measured if len(track.t) > 1]
+        step = max([STEP, *pace]) if step is None else step
         for a, b in intervals:
-            if (b - a) / self.step > MOST:
-                continue
-            at = np.arange(a, b, self.step)
+            at = np.arange(a, b, step) if (b - a) / step <= MOST else np.zeros(0)
             if len(at) < 20:
                 continue
-            signals = {
-                s.name: np.interp(at, tracks[s.track].t, samples(s, tracks[s.track])) for s in measured
-            }
-            # The rate of every channel, and a pose's speed along its heading; the filter is even, so it adds no lag.
-            rates = {
-                name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), self.step)
+            signals = {s.name: np.interp(at, track.t, samples(s, track)) for s, track in measured}
+            rates = {  # the filter is even, so it adds no lag
+                name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), step)
                 for name, v in signals.items()
             }
             responses = {f"rate of {name}": rate for name, rate in rates.items()}
@@ -186,16 +180,13 @@ class Pieces:
                 track = tracks[source.track]
                 command = clock.held(at, track.t, samples(source, track))
                 for name, response in responses.items():
-                    self.pairs.setdefault((source.name, name), []).append((command, response))
-
-    def estimates(self) -> list[Lag]:
-        """For every command that moves, the response that follows it best."""
-        found: dict[str, Lag] = {}
-        for names, pieces in self.pairs.items():
-            assert self.step is not None
-            longest = max(len(command) for command, _ in pieces) * self.step
-            lag = estimate_lag(names, pieces, self.step, within=min(max(1.0, 5 * self.step), 0.25 * longest))
-            known = found.get(lag.command)
-            if known is None or abs(lag.correlation) > abs(known.correlation):
-                found[lag.command] = lag
-        return [lag for lag in found.values() if lag.correlation != 0.0]
+                    pairs.setdefault((source.name, name), []).append((command, response))
+    found: dict[str, Lag] = {}
+    for names, pieces in pairs.items():
+        assert step is not None
+        longest = max(len(command) for command, _ in pieces) * step
+        lag = estimate_lag(names, pieces, step, within=min(max(1.0, 5 * step), 0.25 * longest))
+        known = found.get(lag.command)
+        if known is None or abs(lag.correlation) > abs(known.correlation):
+            found[lag.command] = lag
+    return [lag for lag in found.values() if lag.correlation != 0.0]

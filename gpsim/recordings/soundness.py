@@ -105,7 +105,6 @@ def _values(series: Series, mapping: ImportMapping) -> Iterator[Suspect]:
 
 
 def _quaternion_parts(series: Series) -> list[list[str]]:
-    """The fields x, y, z and w of every quaternion."""
     found = [[f"{name[:-1]}{axis}" for axis in "xyzw"] for name in series.fields if name.endswith(".w")]
     return [parts for parts in found if all(part in series.fields for part in parts)]
 
@@ -177,7 +176,6 @@ def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArr
 
 
 def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
-    """When the rows were taken [s], as far as it is known here."""
     if mapping.time is not None:
         return stamps(series, mapping.time, "auto", "")[0]
     return series.receive if series.header is None or not np.ptp(series.header) > 0 else series.header
@@ -216,7 +214,6 @@ def unmarked_wraps(parts: Sequence[Part], built: Sequence[Assembled]) -> tuple[s
 
 
 def _look(part: Part, one: Assembled, source: ChannelSource) -> str | None:
-    """The warning about one channel of one piece of a log."""
     track = part.tracks[source.track]
     spans = [(float(e.t[0]), float(e.t[-1])) for e in one.episodes]
     rows = np.flatnonzero(where.inside(track.t, spans))

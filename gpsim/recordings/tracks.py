@@ -13,13 +13,7 @@ from scipy.ndimage import median_filter
 from gpsim.channels import BoolArray, FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import clock
-from gpsim.recordings.mapping import (
-    ChannelSource,
-    ImportMapping,
-    StampChoice,
-    TimeColumns,
-    track_name,
-)
+from gpsim.recordings.mapping import ChannelSource, ImportMapping, StampChoice, TimeColumns, track_name
 from gpsim.recordings.raw import NamedLog, Series, Topic
 
 MISSING = "value missing"
@@ -32,19 +26,20 @@ Inspector = Callable[[str, Series, ImportMapping], BadRows]
 
 
 @dataclass(frozen=True)
-class Track:
-    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; read: rows before any drop.
+class TopicCount:
+    """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
 
-    part: which rows, where not all hold the same channels; clock: which stamps t holds, in words; delay: median, 5 %
-    and 95 % of receive minus header [s]; drift: least and largest of its running median [s].
+    clock: which stamps are used, in words; kept: rows inside an episode (for commands: rows that stood at some moment
+    of one). delay: median, 5 % and 95 % of receive minus header [s], None without a header; drift: least and largest of
+    its running median [s]. part: the channels that are counted, where not all of the topic are found in the same rows.
     """
 
+    source: str
     topic: str
     type: str
     clock: str
-    t: FloatArray
-    fields: Mapping[str, FloatArray]
     read: int
+    kept: int
     dropped: Mapping[str, int]
     noticed: Mapping[str, int]
     delay: tuple[float, float, float] | None = None
@@ -53,8 +48,23 @@ class Track:
 
     @property
     def name(self) -> str:
-        """What the track is called: its topic, and which part of it."""
+        """The topic, and which part of it."""
         return track_name(self.topic, self.part)
+
+    def __post_init__(self) -> None:
+        if self.read != self.kept + sum(self.dropped.values()):
+            raise AssertionError(
+                f"{self.source} {self.topic}: {self.read} rows read, but {self.kept} kept and {self.dropped}"
+            )
+
+
+@dataclass(frozen=True)
+class Track:
+    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; count: what became of all its rows."""
+
+    count: TopicCount
+    t: FloatArray
+    fields: Mapping[str, FloatArray]
 
     def shifted(self, seconds: float) -> Track:
         """The same track with `seconds` added to its stamps."""
@@ -62,35 +72,34 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Part:
-    """One piece of a log on one unbroken clock, its channels bound to tracks. tracks: by `Track.name`."""
-
-    name: str
-    mapping: ImportMapping
-    tracks: dict[str, Track]
-    flag: Track | None
-    epoch: float
-
-
-@dataclass(frozen=True)
-class _Bound:
+class Bound(ImportMapping):
     """A mapping whose channels know their topic and part; flag: the field that `episodes` goes by, as a channel."""
 
-    mapping: ImportMapping
     flag: ChannelSource | None = None
 
     @property
     def roles(self) -> Mapping[str, Sequence[ChannelSource]]:
         """What is read, by what it is for; one role needs all of its fields in one row."""
         flag = () if self.flag is None else (self.flag,)
-        return {"state": self.mapping.measured, "action": self.mapping.action, "flag": flag}
+        return {"state": self.measured, "action": self.action, "flag": flag}
 
-    def changed(self, change: Callable[[ChannelSource, str], ChannelSource]) -> _Bound:
+    def changed(self, change: Callable[[ChannelSource, str], ChannelSource]) -> Bound:
         """The same with every source as `change(source, role)` makes it."""
-        state = tuple(change(source, "state") for source in self.mapping.state)
-        action = tuple(change(source, "action") for source in self.mapping.action)
-        flag = None if self.flag is None else change(self.flag, "flag")
-        return _Bound(replace(self.mapping, state=state, action=action), flag)
+        state = tuple(change(source, "state") for source in self.state)
+        action = tuple(change(source, "action") for source in self.action)
+        return replace(
+            self, state=state, action=action, flag=None if self.flag is None else change(self.flag, "flag")
+        )
+
+
+@dataclass(frozen=True)
+class Part:
+    """One piece of a log on one unbroken clock, its channels bound to tracks. tracks: by the names of their counts."""
+
+    name: str
+    mapping: Bound
+    tracks: dict[str, Track]
+    epoch: float
 
 
 @dataclass(frozen=True)
@@ -129,38 +138,34 @@ def _whole_log(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> l
     for reading in _wanted_fields(whole):
         series = named.log.series({topic: fields for topic, (_, fields) in reading.items()})
         read |= {track: series[topic] for topic, (track, _) in reading.items()}
-    pieces, parts = _unbroken(named.name, read, whole.mapping, log_epoch), []
+    pieces, parts = _unbroken(named.name, read, whole, log_epoch), []
     for number, piece in enumerate(pieces):
         name = named.name if len(pieces) == 1 else f"{named.name} [{number + 1}]"
         bound, tracks = whole, dict[str, Track]()
-        for (
-            key,
-            one,
-        ) in piece.items():  # one track, or several where not all channels are found in the same rows
-            bad = inspect(name, one, bound.mapping)
+        for key, one in piece.items():  # one track, or several where not all channels are in the same rows
+            bad = inspect(name, one, bound)
             bound, groups = _groups(key, one, bound)
             for group in groups:
-                track = _build_track(one, group, bad, bound.mapping, name, log_epoch)
-                tracks[track.name] = track
+                track = _build_track(one, group, bad, bound, name, log_epoch)
+                tracks[track.count.name] = track
         first = [float(track.t[0]) for track in tracks.values() if len(track.t)]
         epoch = float(np.floor(min(first))) if first else 0.0
         tracks = {key: track.shifted(-epoch) for key, track in tracks.items()}
-        flag = None if bound.flag is None else tracks[bound.flag.track]
-        parts.append(Part(name, bound.mapping, tracks, flag, log_epoch + epoch))
+        parts.append(Part(name, bound, tracks, log_epoch + epoch))
     return parts
 
 
-def _bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> _Bound:
+def _bind(name: str, mapping: ImportMapping, topics: Mapping[str, Topic]) -> Bound:
     """Bind unnamed topics to the only one there is, and channels to the part of a topic that selects their element.
 
     name: of the log. Raises UsageError where a topic is not there, not named, or a channel's column holds text.
     """
     only = next(iter(topics)) if len(topics) == 1 else None
     rule = mapping.episodes
-    flag = (
-        None if rule.column is None else ChannelSource(rule.column, "", topic=rule.topic, field=rule.column)
-    )
-    bound = _Bound(mapping, flag).changed(lambda source, _: replace(source, topic=source.topic or only))
+    bound = Bound(**vars(mapping))
+    if rule.column is not None:
+        bound = replace(bound, flag=ChannelSource(rule.column, "", topic=rule.topic, field=rule.column))
+    bound = bound.changed(lambda source, _: replace(source, topic=source.topic or only))
     sources = [source for role in bound.roles.values() for source in role]
     if any(source.topic is None for source in sources):
         raise UsageError("mapping: the log has several topics, so every channel must name its topic")
@@ -188,7 +193,7 @@ def _selection(source: ChannelSource) -> str:
     return "" if found is None else found[1]
 
 
-def _wanted_fields(bound: _Bound) -> list[dict[str, tuple[str, list[str]]]]:
+def _wanted_fields(bound: Bound) -> list[dict[str, tuple[str, list[str]]]]:
     """What to read: topic -> (track, fields). Several readings where a topic has several selections.
 
     A reading makes one row for each element that its fields select, so fields of two selections in one reading would
@@ -199,10 +204,10 @@ def _wanted_fields(bound: _Bound) -> list[dict[str, tuple[str, list[str]]]]:
         for source in sources:
             of_track = fields.setdefault(source.topic or "", {}).setdefault(source.track, [])
             of_track += [field for field in source.fields if field not in of_track]
-    if bound.mapping.time is not None:
+    if bound.time is not None:
         for tracks in fields.values():
             for of_track in tracks.values():
-                of_track += [field for field in bound.mapping.time.fields if field not in of_track]
+                of_track += [field for field in bound.time.fields if field not in of_track]
     readings = max((len(tracks) for tracks in fields.values()), default=0)
     return [
         {topic: list(tracks.items())[number] for topic, tracks in fields.items() if number < len(tracks)}
@@ -210,13 +215,13 @@ def _wanted_fields(bound: _Bound) -> list[dict[str, tuple[str, list[str]]]]:
     ]
 
 
-def _groups(track: str, series: Series, bound: _Bound) -> tuple[_Bound, list[_Group]]:
+def _groups(track: str, series: Series, bound: Bound) -> tuple[Bound, list[_Group]]:
     """Part a track whose state, action and flag are not missing in the same rows.
 
     An empty state must not take the command of its row with it, nor the other way round. Where all are found in the
     same rows they stay together, under the track's own name.
     """
-    clock = () if bound.mapping.time is None else bound.mapping.time.fields
+    clock = () if bound.time is None else bound.time.fields
     together: dict[bytes, tuple[BoolArray, dict[str, list[ChannelSource]]]] = {}
     for role, every in bound.roles.items():
         own = [source for source in every if source.track == track]
@@ -384,19 +389,21 @@ def _build_track(
             size = int(np.clip(len(late) // 10, 5, LASTING))
             running = median_filter(late, size=size, mode="reflect")
             drift = float(running.min()), float(running.max())
-    return Track(
-        topic=series.topic,
-        type=series.type,
-        clock=on,
-        t=ordered.t + mapping.clock.offsets.get(series.topic, 0.0),
-        fields={name: values[ordered.rows, i] for i, name in enumerate(group.fields)},
+    count = TopicCount(
+        where,
+        series.topic,
+        series.type,
+        on,
         read=len(t) + sum(series.dropped.values()),
+        kept=len(ordered.t),
         dropped=dropped | dict(ordered.dropped),
         noticed=ordered.noticed,
         delay=delay,
         drift=drift,
         part=group.part,
     )
+    fields = {name: values[ordered.rows, i] for i, name in enumerate(group.fields)}
+    return Track(count, ordered.t + mapping.clock.offsets.get(series.topic, 0.0), fields)
 
 
 def samples(source: ChannelSource, track: Track, rows: IntArray | slice = slice(None)) -> FloatArray:

@@ -11,10 +11,8 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
-from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError, near
 
 LONGEST = 200  # characters
@@ -80,11 +78,6 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 Columns = dict[str, NDArray[Any]]
 """A table: its columns by their names, all of one length."""
-
-
-def numbers_of(table: Columns, names: Sequence[str], rows: IntArray) -> FloatArray:
-    """(K, C): of these columns the rows (K,); raises ValueError or TypeError where one holds no number."""
-    return np.stack([np.asarray(table[name][rows], dtype=np.float64) for name in names]).T
 
 
 LARGEST = 1e30  # no measurement in any SI unit is larger; its powers still are numbers

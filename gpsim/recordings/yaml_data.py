@@ -40,13 +40,11 @@ def read_yaml(path: Path, where: str = "") -> Any:
     where: what the message calls the file, if not by its path.
     """
     try:
-        text = regular_bytes(path, MOST_BYTES).decode("utf-8")
+        return parse_yaml(regular_bytes(path, MOST_BYTES).decode("utf-8"))
     except OSError as error:
         raise unreadable(path, error) from error
     except UnicodeDecodeError as error:
         raise UsageError(f"{where or path}: not readable as YAML: it is no UTF-8 text") from error
-    try:
-        return parse_yaml(text)
     except YamlError as error:
         raise UsageError(f"{where or path}: {error}") from error
 
@@ -58,13 +56,7 @@ def check_bounded(path: Path) -> None:
     parser's to tell.
     """
     try:
-        loader = yaml.SafeLoader(regular_bytes(path, MOST_BYTES))
-        try:
-            node = loader.get_single_node()
-        finally:
-            loader.dispose()
-        if node is not None:
-            _Checks(plain=False).size(node)
+        _made(regular_bytes(path, MOST_BYTES), plain=False)
     except YamlError as error:
         raise UsageError(f"{path}: {error}") from error
     except OSError as error:
@@ -82,15 +74,7 @@ def parse_yaml(text: str) -> Any:
     repeat more than 10 000 values (a few lines could stand for billions).
     """
     try:
-        loader = _Loader(text)
-        try:
-            node = loader.get_single_node()
-            if node is None:
-                return None
-            _Checks().size(node)
-            return loader.construct_document(node)
-        finally:
-            loader.dispose()
+        return _made(text, plain=True)
     except yaml.MarkedYAMLError as error:
         what = one_line(" ".join(filter(None, (error.context, error.problem))), 160)
         raise YamlError(f"{_line(error.problem_mark)}not readable as YAML: {what}") from error
@@ -100,57 +84,55 @@ def parse_yaml(text: str) -> Any:
         raise YamlError("not readable as YAML: it is nested too deeply") from error
 
 
+def _made(text: str | bytes, *, plain: bool) -> Any:
+    """What a document holds, after a look at its nodes; plain: of plain values alone, each key once."""
+    loader = _Loader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _size(node, plain, {})
+        return loader.construct_document(node) if plain else None
+    finally:
+        loader.dispose()
+
+
 def _line(mark: Any) -> str:
     return "" if mark is None else f"line {mark.line + 1}: "
 
 
-class _Checks:
-    """Looks at a document before anything is made of it; a node that aliases name is looked at once.
+def _size(node: yaml.Node, plain: bool, sizes: dict[int, int]) -> int:
+    """How many values a node stands for, with what aliases repeat; sizes: of the nodes seen, which were written once.
 
-    plain: whether it must hold plain values alone, each key once.
+    Those that are still looked into have size 0.
     """
-
-    def __init__(self, *, plain: bool = True) -> None:
-        self._plain = plain
-        self._sizes: dict[int, int | None] = {}
-        self._written = 0
-
-    def size(self, node: yaml.Node) -> int:
-        """How many values the node stands for, with what aliases repeat."""
-        if id(node) in self._sizes:
-            known = self._sizes[id(node)]
-            if known is None:
-                raise YamlError(f"{_line(node.start_mark)}an alias (*name) stands inside of what it repeats")
-            return known
-        self._sizes[id(node)] = None
-        self._written += 1
-        if self._plain and node.tag not in _PLAIN:
-            kind = one_line(node.tag, 60)
-            raise YamlError(f"{_line(node.start_mark)}{kind} is no plain value; write text, numbers, lists")
-        total = 1 + sum(self.size(part) for part in _parts(node, plain=self._plain))
-        if total - self._written > MOST_REPEATED:
-            raise YamlError(
-                f"{_line(node.start_mark)}aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
-            )
-        self._sizes[id(node)] = total
-        return total
+    where = _line(node.start_mark)
+    if id(node) in sizes:
+        if not sizes[id(node)]:
+            raise YamlError(f"{where}an alias (*name) stands inside of what it repeats")
+        return sizes[id(node)]
+    sizes[id(node)] = 0
+    if plain and node.tag not in _PLAIN:
+        raise YamlError(f"{where}{one_line(node.tag, 60)} is no plain value; write text, numbers, lists")
+    total = 1 + sum(_size(part, plain, sizes) for part in _parts(node, plain))
+    if total - len(sizes) > MOST_REPEATED:
+        raise YamlError(f"{where}aliases (*name) repeat more than {MOST_REPEATED} values; write them out")
+    sizes[id(node)] = total
+    return total
 
 
-def _parts(node: yaml.Node, *, plain: bool) -> Iterator[yaml.Node]:
+def _parts(node: yaml.Node, plain: bool) -> Iterator[yaml.Node]:
     """The nodes inside a node; YamlError where a key is no plain word or number, or is written twice.
 
     Keys become text as they are written: a channel may be called `on`, or 1.
     """
-    if isinstance(node, yaml.SequenceNode):
-        yield from node.value
-    elif not isinstance(node, yaml.MappingNode):
+    if not isinstance(node, yaml.MappingNode):
+        yield from node.value if isinstance(node, yaml.SequenceNode) else ()
         return
-    elif not plain:
-        yield from (part for pair in node.value for part in pair)
-    else:
-        lines: dict[str, int] = {}
-        for place, (key, value) in enumerate(node.value):
-            where, line = _line(key.start_mark), key.start_mark.line + 1
+    lines: dict[str, int] = {}
+    for place, (key, value) in enumerate(node.value):
+        where = _line(key.start_mark)
+        if plain:
             if key.tag == _MERGE:
                 raise YamlError(f"{where}the key << takes in another table; write its keys out")
             if not isinstance(key, yaml.ScalarNode):
@@ -158,7 +140,8 @@ def _parts(node: yaml.Node, *, plain: bool) -> Iterator[yaml.Node]:
             if key.value in lines:
                 first = lines[key.value]
                 raise YamlError(f"{where}key '{one_line(key.value, 60)}' is there already, in line {first}")
-            lines[key.value] = line
-            node.value[place] = (yaml.ScalarNode(_TEXT, key.value), value)
-            yield node.value[place][0]
-            yield value
+            lines[key.value] = key.start_mark.line + 1
+            key = yaml.ScalarNode(_TEXT, key.value)
+            node.value[place] = (key, value)
+        yield key
+        yield value

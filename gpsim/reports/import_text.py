@@ -55,7 +55,6 @@ def _units(found: Guess) -> dict[str, str]:
 
 
 def _example(found: Guess) -> str:
-    """A source with a factor before it."""
     rad = [n for n, unit in found.system.state.units.items() if unit == "rad" and n in found.taken]
     if rad:
         return shlex.quote(f"{rad[0]}=deg*{found.taken[rad[0]].rpartition('*')[2]}")
@@ -106,13 +105,11 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Cells below each other, a line a row."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{c:<{w}}" for c, w in zip(cells, widths, strict=True)).rstrip() for cells in rows]
 
 
 def _proposed(typed: Asking, found: Guess, unknown: bool) -> str:
-    """The command, with what only a person knows left open."""
     kept = [word for word in typed.words if word.partition("=")[0] not in found.taken]
     taken = {n: source for n, source in found.taken.items() if n != source or n in found.unclear}
     if unknown:
@@ -250,7 +247,6 @@ def render_inspection(found: Inspection) -> RenderableType:
 
 
 def _column_table(found: Inspection) -> Table:
-    """What each column of a table holds and is read as."""
     table = _table("numeric fields", ("column",), ("least", "largest"), "read as", no_wrap=True)
     for name, (role, *ends) in found.columns.items():
         table.add_row(literal(name), *(f"{end:.5g}" for end in ends), literal(role or "-"))

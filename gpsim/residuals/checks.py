@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording, columns_of, evenly, read_bare_table, recording_of
+from gpsim.recordings import Described, Recording, evenly, read_bare_table, recording_of
 from gpsim.simulators import SIMULATORS, Simulator
 
 if TYPE_CHECKING:
@@ -129,39 +129,29 @@ def _remedy(recording: Recording, column: int) -> str:
     )
 
 
-class _Described(TypedDict):
-    system: str
-    state: Channels
-    action: Channels
-    parameters: dict[str, float]
-    optional: Collection[str]
-    integrator: str
-    stand_ins: Mapping[str, tuple[str, ...]]
-
-
 def read_table(path: Path, simulator: Simulator) -> Recording:
     """A CSV or Parquet file of the simulator's channels; raises UsageError."""
-    return read_bare_table(path, **_described(simulator))
+    return read_bare_table(path, _described(simulator))
 
 
 def table_recording(
     table: pd.DataFrame, where: str, simulator: Simulator, dt: float | None = None
 ) -> Recording:
     """A table that is there already, which messages call `where`; dt: as for `recording_of`."""
-    return recording_of(columns_of(table), where, dt=dt, **_described(simulator))
+    return recording_of(table, where, _described(simulator), dt)
 
 
-def _described(simulator: Simulator) -> _Described:
+def _described(simulator: Simulator) -> Described:
     """Its channels, of which those may be absent that a diagnosis can estimate."""
-    return {
-        "system": simulator.name,
-        "state": simulator.state,
-        "action": simulator.action,
-        "parameters": simulator.defaults(),
-        "optional": simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
-        "integrator": simulator.integrator,
-        "stand_ins": simulator.stand_ins,
-    }
+    return Described(
+        simulator.name,
+        simulator.state,
+        simulator.action,
+        simulator.defaults(),
+        simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
+        simulator.integrator,
+        simulator.stand_ins,
+    )
 
 
 def _optional(simulator: Simulator) -> tuple[str, ...]:

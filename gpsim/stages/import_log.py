@@ -78,33 +78,19 @@ def import_log(
     should know before the logs are read, a line each. raw: the whole mapping, where it is there already.
     """
     refuse_existing(out)
-    recording, report, config = read_any(sources, mapping, words, salvage, say, raw)
+    raw, where = mapping_of(sources, mapping, words, salvage, raw)
+    recording, report, plan = read_by(raw, where, sources, salvage, say)
+    digests = digests_read(sources, plan.layout, plan.files)
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
         return {}
 
     store = Store(out.resolve().parent, "")
-    artifact = store.publish(Recipe(STAGE_NAME, config(), {}, {}), write, out=out.resolve())
-    return Imported(artifact, recording, report)
-
-
-def read_any(
-    sources: Sequence[Path],
-    mapping: str | None,
-    words: Sequence[str],
-    salvage: bool,
-    say: Callable[[str], None],
-    raw: Mapping[str, Any] | None,
-) -> tuple[Recording, ImportReport, Callable[[], Json]]:
-    """The recording, the report, and what computes the digests of what was read; the same arguments as above."""
-    if raw is not None:
-        recording, report, plan = read_by(raw, GUESSED, sources, salvage, say)
-        digests = partial(digests_read, sources, plan.layout, plan.files)
-    else:
-        recording, report, raw = read_logs(sources, mapping, words, salvage, say)
-        digests = partial(source_digests, sources, mapping, words)
-    return recording, report, lambda: {"mapping": raw, "salvage": salvage, "sources": digests()}
+    config = {"mapping": raw, "salvage": salvage, "sources": digests}
+    return Imported(
+        store.publish(Recipe(STAGE_NAME, config, {}, {}), write, out=out.resolve()), recording, report
+    )
 
 
 def refuse_existing(out: Path) -> None:
@@ -147,18 +133,30 @@ def read_logs(
     say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
     """The recording, the report and the resolved mapping, of a name, a file, or what such a file holds."""
-    opener = partial(open_log, salvage=salvage)
-    changes = changes_of_words(words)
-    if mapping is None:
-        first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
-        systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
-        raw = merge_changes(bare_mapping(first, str(changes.get("system", "")), systems), changes)
-        where = "mapping (from the column names)"
-    else:
-        raw = resolved_mapping(mapping, words)
-        where = f"mapping {mapping}" if isinstance(mapping, str) else "mapping"
+    raw, where = mapping_of(sources, mapping, words, salvage)
     recording, report, _ = read_by(raw, where, sources, salvage, say)
     return recording, report, raw
+
+
+def mapping_of(
+    sources: Sequence[Path],
+    mapping: str | Mapping[str, Any] | None,
+    words: Sequence[str],
+    salvage: bool,
+    raw: Mapping[str, Any] | None = None,
+) -> tuple[dict[str, Any], str]:
+    """The resolved mapping, and what messages call it; raw: where it is there already."""
+    if raw is not None:
+        return dict(raw), GUESSED
+    if mapping is not None:
+        named = f"mapping {mapping}" if isinstance(mapping, str) else "mapping"
+        return resolved_mapping(mapping, words), named
+    changes = changes_of_words(words)
+    pattern, opener = str(changes.get("files", "*")), partial(open_log, salvage=salvage)
+    first = find_logs(sources, "files", pattern, opener)[0]
+    systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
+    bare = bare_mapping(first, str(changes.get("system", "")), systems)
+    return merge_changes(bare, changes), "mapping (from the column names)"
 
 
 def read_by(
@@ -326,5 +324,4 @@ def remembering(paths: list[Path]) -> Opener:
 
 
 def _stores(path: Path) -> bool:
-    """Whether it is one of the files of a ROS 2 bag's folder."""
     return path.is_file() and (path.name == "metadata.yaml" or bool({".db3", ".mcap"} & set(path.suffixes)))

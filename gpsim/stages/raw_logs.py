@@ -115,10 +115,7 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
 def _topics(log: NamedLog, path: Path) -> Sequence[Topic]:
     """What is inside; raises UsageError where not one number is."""
     topics = log.log.topics()
-    of, where = (
-        ("rows" if topics[0].type == "table" else "messages") if topics else "messages",
-        one_line(path),
-    )
+    of, where = "rows" if topics and topics[0].type == "table" else "messages", one_line(path)
     if not any(topic.count or topic.fault for topic in topics):
         raise UsageError(f"{where}: no {of}: names and nothing below them; record or export it again")
     if not any(topic.fields or topic.fault for topic in topics):
@@ -187,7 +184,6 @@ def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
 
 
 def _system(name: str) -> System:
-    """What the guess has to know of a simulator."""
     simulator = open_simulator(name)
     pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
     system = System(

@@ -10,7 +10,7 @@ import pandas as pd
 import scipy.io
 from bags import drive, write_bag
 from mjcf_models import DOUBLE, PENDULUM
-from mutations import MUTATIONS, mutate
+from mutations import WAYS, damaged, mutate
 
 BAGS = {"ros1.bag": "ros1", "bz2.bag": "ros1-bz2", "lz4.bag": "ros1-lz4", "a.mcap": "mcap-zstd", "b.mcap": "mcap-lz4",
         "c.mcap": "mcap-unchunked", "db3": "sqlite3", "message": "sqlite3-message", "file": "sqlite3-file"}  # fmt: skip
@@ -126,7 +126,7 @@ def _xml(folder: Path, number: int, rng: np.random.Generator) -> Variant:
         parts[int(rng.choice(places))] = value
         text = '"'.join(parts)
     data = bytearray(text.encode())
-    path.write_bytes(MUTATIONS[number % len(MUTATIONS)](data, rng) if how == 2 else data)
+    path.write_bytes(damaged(data, WAYS[number % len(WAYS)], rng) if how == 2 else data)
     return Variant("xml", ("simulators", "show", str(path)))
 
 

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from gpsim.errors import UsageError
-from gpsim.recordings.yaml_data import check_bounded, read_yaml
+from gpsim.recordings import check_bounded, read_yaml
 
 
 def bomb(levels=9, each=9):

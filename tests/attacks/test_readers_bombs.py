@@ -18,9 +18,9 @@ from mutations import read_all
 
 from gpsim import limits
 from gpsim.errors import UsageError
+from gpsim.recordings import open_log
 from gpsim.recordings.files import read_frame
-from gpsim.recordings.readers import folder as bag_folder
-from gpsim.recordings.readers import open_log, source
+from gpsim.recordings.readers import container
 
 SCHEMA = record(
     3, struct.pack("<H", 1) + text("std_msgs/msg/Float32") + text("ros2msg") + text("float32 data\n")
@@ -52,9 +52,9 @@ def refused(path, salvage=False):
 @pytest.fixture
 def small(monkeypatch):
     """Limits a hundredth of what they are, so that the tests are short."""
-    monkeypatch.setattr(source, "CHUNKS_BYTES", limits.CHUNKS_BYTES // 100)
-    monkeypatch.setattr(source, "MESSAGES", limits.MESSAGES // 100)
-    monkeypatch.setattr(source, "EMPTY", limits.EMPTY // 100)
+    monkeypatch.setattr(container, "CHUNKS_BYTES", limits.CHUNKS_BYTES // 100)
+    monkeypatch.setattr(container, "MESSAGES", limits.MESSAGES // 100)
+    monkeypatch.setattr(container, "EMPTY", limits.EMPTY // 100)
 
 
 @pytest.mark.parametrize("salvage", EVERY)
@@ -72,7 +72,7 @@ def small(monkeypatch):
 )
 def test_an_mcap_that_makes_more_than_it_is_worth(tmp_path, small, monkeypatch, records, said, salvage):
     if records[0] == chunk(bytes(1 << 20)):
-        monkeypatch.setattr(source, "CHUNKS_BYTES", 1 << 20)
+        monkeypatch.setattr(container, "CHUNKS_BYTES", 1 << 20)
     told = refused(mcap(tmp_path / "bomb.mcap", *records), salvage)
     assert said in told
     assert "GPSIM_LIMITS=" in told
@@ -96,18 +96,16 @@ def test_messages_that_swell_one_by_one(tmp_path, monkeypatch):
     [storage] = folder.glob("*.db3")
     with sqlite3.connect(storage) as base:
         base.execute("UPDATE messages SET data = ?", (zstd.compress(bytes(1 << 20)),))
-    monkeypatch.setattr(source, "CHUNKS_BYTES", 1 << 20)
+    monkeypatch.setattr(container, "CHUNKS_BYTES", 1 << 20)
     assert "bytes of messages" in refused(folder)
-    assert bag_folder.MAX_MESSAGE == 64 << 20
+    assert container.MAX_MESSAGE == 64 << 20
 
 
 def test_a_storage_file_that_swells(tmp_path, monkeypatch):
-    from gpsim.recordings.readers import damage
-
     folder = write_bag(tmp_path / "bag", "sqlite3-file", drive(0.2))
     [storage] = folder.glob("*.zstd")
     storage.write_bytes(zstd.compress(bytes(8 << 20)))
-    monkeypatch.setattr(damage, "CHUNKS_BYTES", 1 << 20)
+    monkeypatch.setattr(container, "CHUNKS_BYTES", 1 << 20)
     told = refused(folder)
     assert "makes more than" in told
     assert "GPSIM_LIMITS=" in told

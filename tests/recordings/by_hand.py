@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping import parse_mapping
-from gpsim.recordings.raw import NamedLog, Series, Topic
+from gpsim.recordings import NamedLog, Topic, import_logs, parse_mapping
+from gpsim.recordings.raw import Series
 
 
 @dataclass

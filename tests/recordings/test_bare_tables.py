@@ -6,8 +6,7 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings.files import read_bare_table
-from gpsim.simulators import make_simulator
+from gpsim.recordings import Described, read_bare_table
 from gpsim.stages.diagnose import Task, open_recording
 from gpsim.stages.import_log import read_logs
 
@@ -22,7 +21,7 @@ def table():
 
 def read(path, frame, **kwargs):
     frame.to_parquet(path) if path.suffix == ".parquet" else frame.to_csv(path, index=False)
-    return read_bare_table(path, "slider", STATE, ACTION, {"mass": 2.0}, **kwargs)
+    return read_bare_table(path, Described("slider", STATE, ACTION, {"mass": 2.0}, **kwargs))
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
@@ -72,7 +71,7 @@ def test_words_dates_single_rows_and_damaged_files_are_named(tmp_path):
         read(tmp_path / "c.csv", frame.iloc[:1])
     (tmp_path / "d.parquet").write_bytes(b"no table")
     with pytest.raises(UsageError, match="cannot be read"):
-        read_bare_table(tmp_path / "d.parquet", "slider", STATE, ACTION, {})
+        read_bare_table(tmp_path / "d.parquet", Described("slider", STATE, ACTION, {}))
 
 
 @pytest.fixture
@@ -97,20 +96,9 @@ def test_a_table_without_commands_is_read_and_imported(swing):
     assert raw["action"] == {}
 
 
-def test_a_table_may_lack_a_state_of_a_built_in_simulator(swing):
-    recording, simulator = open_recording(Task(swing(theta_dot=None), "pendulum"))
-    assert recording.state.names == ("theta",)
-    assert simulator.state == make_simulator("pendulum").state
-
-
 @pytest.mark.parametrize("near", ["Torque", "torque_", "torqe"])
 def test_a_slip_of_the_pen_is_no_missing_command(swing, near):
     with pytest.raises(UsageError, match=f"torque missing; '{near}' is like it"):
         open_recording(Task(swing(**{near: np.zeros(50)}), "pendulum"))
     with pytest.raises(UsageError, match="column\\(s\\) torque missing for pendulum"):
         read_logs([swing(**{near: np.zeros(50)})], None, ["system=pendulum"])
-
-
-def test_a_table_without_any_state_is_refused(swing):
-    with pytest.raises(UsageError, match="column\\(s\\) theta, theta_dot missing"):
-        open_recording(Task(swing(theta=None, theta_dot=None), "pendulum"))

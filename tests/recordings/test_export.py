@@ -4,8 +4,7 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import Episode, Recording, write_recording
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import Episode, Recording, open_log, write_recording
 from gpsim.simulators import make_simulator
 from gpsim.stages.export import export_recording
 

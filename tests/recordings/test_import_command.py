@@ -136,10 +136,3 @@ def test_without_a_mapping_the_way_to_one_is_told(cartpole_log, tmp_path, words)
         assert part in said
     assert "--out DIR missing" in refused(cartpole_log, "system=cartpole")
     assert "takes no settings (rate=5)" in refused("--inspect", cartpole_log, "rate=5")
-
-
-def test_a_word_longer_than_a_file_name_is_one_line(cartpole_log, tmp_path):
-    word = f"state.x.field={'y' * 400}"
-    assert "no numeric column 'yyyy" in refused(
-        cartpole_log, "system=cartpole", word, "--out", tmp_path / "o"
-    )

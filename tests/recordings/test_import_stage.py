@@ -3,15 +3,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 from by_hand import cartpole_table
 
 from gpsim.artifacts import read_artifact, read_warnings
 from gpsim.errors import UsageError
-from gpsim.recordings import read_recording
+from gpsim.recordings import find_logs, read_recording
 from gpsim.recordings.export import DriveLog, Topics, write_ros2_bag
-from gpsim.stages.import_log import import_log, read_logs, source_digests
-from gpsim.stages.raw_logs import inspect_source
+from gpsim.stages.import_log import import_log, read_logs, remembering, source_digests
 
 WRITTEN = [
     "recording.parquet",
@@ -72,17 +70,6 @@ def test_nothing_is_overwritten_and_nothing_half_written(cartpole_log, tmp_path,
     assert read_artifact(tmp_path / "plain").stage == "import"
 
 
-def test_an_episode_column_and_several_files_make_episodes(tmp_path):
-    first = pd.read_csv(cartpole_table(tmp_path / "a.csv", seed=1))
-    both = pd.concat([first.assign(episode=0), first.assign(episode=1, t=first["t"] + 10)])
-    both.to_csv(tmp_path / "both.csv", index=False)
-    recording, report, _ = read_logs([tmp_path / "both.csv"], None, ["system=cartpole"])
-    assert [len(e) for e in recording.episodes] == [199, 199]
-    cartpole_table(tmp_path / "c.csv", seed=2)
-    recording, report, _ = read_logs([tmp_path / "a.csv", tmp_path / "c.csv"], None, ["system=cartpole"])
-    assert [e.source for e in report.episodes] == ["a.csv", "c.csv"]
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [
@@ -101,24 +88,6 @@ def test_wrong_settings_end_in_one_line(cartpole_log, tmp_path, words, text):
         import_log([cartpole_log], tmp_path / "out", words=words)
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("content", "text"),
-    [
-        ("[1, 2]", "expected keys"),
-        ("a: b: c", "not readable"),
-        ("", "expected keys"),
-        ("x: 1", "unknown key"),
-    ],
-)
-def test_wrong_mapping_files_end_in_one_line(cartpole_log, tmp_path, content, text):
-    (tmp_path / "mine.yaml").write_text(content)
-    with pytest.raises(UsageError, match=text) as caught:
-        import_log([cartpole_log], tmp_path / "out", str(tmp_path / "mine.yaml"))
-    assert "\n" not in str(caught.value)
-    with pytest.raises(UsageError, match="neither a file nor one of: cascaded_tanks, dart_csv"):
-        import_log([cartpole_log], tmp_path / "out", "nothing")
 
 
 def limo_bag(folder, count=300):
@@ -157,31 +126,6 @@ def test_a_truncated_bag_is_refused_and_what_is_readable_is_salvaged_and_counted
     assert any("broken.mcap" in line for line in made.report.warnings)
 
 
-def test_a_pose_that_leaps_is_refused_or_salvaged(tmp_path):
-    table = pd.read_csv(cartpole_table(tmp_path / "a.csv"))
-    table.loc[50, "x"] = np.inf
-    table.to_csv(tmp_path / "b.csv", index=False)
-    with pytest.raises(UsageError, match=r"b\.csv: .*row 50, field x.*--salvage"):
-        read_logs([tmp_path / "b.csv"], None, ["system=cartpole"])
-    _, report, _ = read_logs([tmp_path / "b.csv"], None, ["system=cartpole"], salvage=True)
-    assert dict(report.topics[0].dropped) == {"not finite": 1}
-
-
-def test_what_inspect_proposes_can_be_saved_and_used(tmp_path):
-    bag = limo_bag(tmp_path / "bag")
-    found = inspect_source(bag)
-    assert {topic.name for topic in found.topics} == {"/cmd_vel", "/vrpn_client_node/limo/pose"}
-    (tmp_path / "mine.yaml").write_text(found.proposal)
-    assert yaml.safe_load(found.proposal)["action"]["w_cmd"] == {
-        "topic": "/cmd_vel",
-        "field": "angular.z",
-        "unit": "rad/s",
-    }
-    recording, _, _ = read_logs([bag], str(tmp_path / "mine.yaml"))
-    assert recording.system == "unicycle"
-    assert recording.state.names == ("x", "y", "yaw")
-
-
 def test_what_lies_beside_the_logs_does_not_count(tmp_path):
     """The digests are of the files that are read, whatever else a folder holds."""
     logs = tmp_path / "logs"
@@ -207,15 +151,29 @@ def test_what_lies_beside_the_logs_does_not_count(tmp_path):
         source_digests([logs], "physical_cartpole", ["files='*.bag'"])
 
 
-@pytest.mark.parametrize("where", [(Path, "open"), (Path, "stat")])
-def test_logs_that_cannot_be_read_are_one_line(cartpole_log, monkeypatch, where):
-    real = getattr(*where)
+def test_files_come_sorted_with_numbers_in_numeric_order(tmp_path):
+    for number in (132, 33, 1056, 0):
+        (tmp_path / f"Experiment-{number}.csv").write_text("t\n")
+    (tmp_path / "notes.md").write_text("no log")
+    names = [log.name for log in find_logs([tmp_path], "files", "*", remembering([]))]
+    assert names == [f"Experiment-{n}.csv" for n in (0, 33, 132, 1056)]
 
-    def refuse(path, *arguments, **options):
-        if path.name == "log.csv":
-            raise PermissionError(13, "Permission denied", str(path))
-        return real(path, *arguments, **options)
 
-    monkeypatch.setattr(*where, refuse)
-    with pytest.raises(UsageError, match=r"log\.csv: cannot be read \(Permission denied\)"):
-        source_digests([cartpole_log])
+def test_a_folder_is_a_log_of_topics(tmp_path):
+    for name in ("b/pose.csv", "b/cmd.csv", "a/pose.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("t\n")
+    logs = find_logs([tmp_path], "folder", "*", remembering([]))
+    assert [log.name for log in logs] == ["a", "b"]
+    assert set(logs[1].log.files) == {"pose", "cmd"}
+
+
+def test_two_files_of_one_topic_are_refused_until_one_is_chosen(tmp_path):
+    for name in ("pose.csv", "pose.parquet", "cmd.csv"):
+        (tmp_path / name).write_text("t\n")
+    with pytest.raises(
+        UsageError, match=r"pose\.csv and pose\.parquet would both be the topic 'pose'.*files="
+    ):
+        find_logs([tmp_path], "folder", "*", remembering([]))
+    (log,) = find_logs([tmp_path], "folder", "*.csv", remembering([]))
+    assert set(log.log.files) == {"pose", "cmd"}

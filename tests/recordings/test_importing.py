@@ -8,11 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
-from gpsim.recordings import Episode, HeldOut
+from gpsim.recordings import Episode, HeldOut, NamedLog, import_logs, parse_mapping
 from gpsim.recordings.episodes import hold_out
-from gpsim.recordings.importing import import_logs
-from gpsim.recordings.mapping import HeldOutRule, parse_mapping
-from gpsim.recordings.raw import NamedLog
+from gpsim.recordings.mapping import HeldOutRule
 from gpsim.reports.import_text import as_text
 
 DRIVE = Drive()
@@ -121,21 +119,6 @@ def test_mixed_clocks_that_move_against_each_other_are_told(late, figures):
     assert not [line for line in alone.warnings if "move against each other" in line]
 
 
-def test_a_delay_that_jitters_is_no_clock_that_moves():
-    late = 0.004 + np.random.default_rng(0).exponential(0.02, len(T))
-    late[[0, 500, 501, 999]] = 0.9
-    _, report = imported({"/pose": DRIVE.pose(T, receive=T + late), "/cmd": commands()}, UNICYCLE)
-    assert not [line for line in report.warnings if "move against each other" in line]
-
-
-def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():
-    pose = pose_series(T * 0.0, DRIVE.x(T), DRIVE.y(T), DRIVE.w * T, receive=T)
-    _, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
-    assert adds_up(report)["/pose"].clock == "receive (header never set)"
-    with pytest.raises(UsageError, match="never sets its header stamp"):
-        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"stamps": "header"})
-
-
 def lagging(delay):
     rng = np.random.default_rng(5)
     t, given = np.arange(0, 60, 0.01), np.arange(0, 60, 0.1)
@@ -197,49 +180,6 @@ def test_velocities_are_differentiated_and_edges_trimmed():
     assert local.transition_count > recording.transition_count
 
 
-def test_a_piece_too_short_to_differentiate_makes_no_episode():
-    """A flag that is up for less than two samples of the position, on a grid that is finer than them."""
-    mapping = {
-        "system": "slider",
-        "rate": 500,
-        "velocities": {"edges": "local"},
-        "episodes": {"by": "flag", "topic": "/flag", "field": "on", "equals": 1},
-        "state": {
-            "q": {"topic": "/q", "field": "q", "unit": "m"},
-            "q_dot": {"derivative_of": "q", "unit": "m/s"},
-        },
-        "action": {"force": {"topic": "/u", "field": "u", "unit": "N"}},
-    }
-    t = np.arange(0, 2, 0.02)
-    # Up over many samples, over the one at 1.7 s, and over none.
-    switched = np.array([0.0, 0.3, 1.5, 1.695, 1.71, 1.805, 1.815])
-    up = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
-    contents = {
-        "/q": series("/q", t, q=np.sin(3 * t)),
-        "/u": series("/u", t, u=np.cos(t)),
-        "/flag": series("/flag", switched, on=up),
-    }
-    recording, _ = imported(contents, mapping)
-    assert len(recording.episodes) == 1
-
-
-def test_a_turning_angle_is_differentiated_without_leaps():
-    mapping = {
-        "system": "pendulum",
-        "rate": "source",
-        "time": {"field": "t"},
-        "state": {
-            "theta": {"field": "a", "unit": "rad", "wraps": True, "sign": -1, "offset": 0.3},
-            "theta_dot": {"derivative_of": "theta", "unit": "rad/s"},
-        },
-    }
-    t = np.arange(0, 5, 0.01)
-    table = series("table", t, t=t, a=(4.0 * t + np.pi) % (2 * np.pi) - np.pi)
-    recording, _ = imported({"table": table}, mapping)
-    assert recording.episodes[0].states[:, 1] == pytest.approx(-4.0, abs=1e-9)
-    assert np.abs(recording.episodes[0].states[:, 0]).max() <= np.pi
-
-
 def test_a_table_whose_clock_starts_anew_becomes_several_parts():
     t = np.concatenate([np.arange(0, 3, 0.05), np.arange(0, 4, 0.05)])
     table = series("table", np.full(len(t), np.nan), t=t, q=t)
@@ -257,13 +197,6 @@ def test_messages_that_a_log_holds_twice_are_duplicates_and_no_restart():
     recording, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
     assert len(recording.episodes) == 1
     assert adds_up(report)["/pose"].dropped["duplicate"] == 400
-
-
-def test_a_clock_set_back_is_refused_where_several_topics_share_it():
-    t = np.concatenate([T, T[200:600] + 0.003])
-    pose = pose_series(t, DRIVE.x(t), DRIVE.y(t), DRIVE.w * t, receive=t)
-    with pytest.raises(UsageError, match="the clock of /pose was set back at row 1000"):
-        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
 
 
 def test_several_logs_become_episodes_and_the_last_share_is_held_out():
@@ -297,12 +230,6 @@ def test_the_last_episodes_that_hold_a_share_of_the_time_are_held_out(lengths, f
     """Seven drives of which the last is short: a fifth of the time is what is kept, not a fifth of the drives."""
     drives = [Episode("", np.arange(n + 1.0), np.zeros((n + 1, 1)), np.zeros((n, 1))) for n in lengths]
     assert hold_out(drives, HeldOutRule(), session=False) == HeldOut(episodes_from=first)
-
-
-def test_one_log_is_held_out_by_time():
-    recording, _ = imported({"/pose": DRIVE.pose(T), "/cmd": commands()}, UNICYCLE)
-    assert recording.held_out is not None
-    assert recording.held_out.time_from == pytest.approx(0.8 * 9.95, abs=0.06)
 
 
 @pytest.mark.parametrize(
@@ -360,3 +287,18 @@ def test_short_episodes_whose_clock_begins_anew_stay_what_they_are():
     assert len(recording.episodes) == 30
     for i, episode in enumerate(recording.episodes):
         assert episode.states[:, 0] == pytest.approx(10.0 * i + episode.t, abs=1e-3)
+
+
+def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():
+    pose = pose_series(T * 0.0, DRIVE.x(T), DRIVE.y(T), DRIVE.w * T, receive=T)
+    _, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
+    assert adds_up(report)["/pose"].clock == "receive (header never set)"
+    with pytest.raises(UsageError, match="never sets its header stamp"):
+        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"stamps": "header"})
+
+
+def test_a_clock_set_back_is_refused_where_several_topics_share_it():
+    t = np.concatenate([T, T[200:600] + 0.003])
+    pose = pose_series(t, DRIVE.x(t), DRIVE.y(t), DRIVE.w * t, receive=t)
+    with pytest.raises(UsageError, match="the clock of /pose was set back at row 1000"):
+        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)

@@ -1,12 +1,14 @@
 import copy
+import json
 
 import pytest
 import yaml
 from by_hand import UNICYCLE
 
 from gpsim.errors import UsageError
-from gpsim.recordings.mapping import parse_mapping
-from gpsim.stages.import_log import mapping_names, read_mapping
+from gpsim.recordings import parse_mapping, parse_yaml, read_recording, read_yaml
+from gpsim.recordings.yaml_data import MOST_REPEATED, YamlError
+from gpsim.stages.import_log import import_log, mapping_names, read_mapping, resolved_mapping
 
 
 @pytest.mark.parametrize("name", mapping_names())
@@ -34,49 +36,30 @@ def changed(path, value):
         (["rat"], 20, "did you mean 'rate'"),
         (["rate"], None, "rate missing"),
         (["rate"], "fast", "expected a finite number"),
-        (["rate"], -1, "rate must be positive"),
         (["dt"], 0.1, "not both"),
         (["state"], None, "state missing"),
         (["state", "x", "unit"], None, "state.x: unit missing"),
         (["state", "x", "quaternion"], "q", "exactly one of"),
         (["state", "x", "sign"], 2, "must be 1 or -1"),
-        (["state", "x", "wraps"], "yes", "true or false"),
-        (["state", "yaw", "angle"], "heading", "not one of roll, pitch, yaw"),
         (["state", "v"], {"derivative_of": "z", "unit": "m/s"}, "no channel 'z'; there are: x, y, yaw"),
         (["clock"], {"stamps": "sent"}, "not one of auto, header, receive"),
-        (["clock"], {"offset": 1}, "did you mean 'offsets'"),
         (["velocities"], {"method": "savgol", "window": 8}, "odd window"),
-        (["velocities"], {"sigma": 0}, "sigma must be positive"),
         (["episodes"], {"by": "flag"}, "needs episodes.field"),
         (["time"], {"field": "t", "step": 1}, "give one of"),
         (["held_out"], {"share": 1.5}, r"share: expected a number in \[0, 1\), got 1.5"),
         (["noise"], {"z": 1.0}, "no channel 'z'"),
         (["gap_limit"], "1_000e1", "expected a finite number"),
-        (["gap_limit"], "nan", "expected a finite number"),
-        (["parameters"], {"wheelbase": float("nan")}, "finite number"),
         (["state"], ["x"], "expected channel names"),
         (["rate"], 10**400, "expected a finite number"),
-        (["hold_limit"], -1.0, r"hold_limit must be positive \[s\], got -1"),
         (["gap_limit"], 1e30, r"gap_limit: must lie between 0 and 1e\+09 \[s\]"),
         (["clock"], {"apply_offset": 1e300}, r"apply_offset: must lie between -1e\+10 and 1e\+10 \[s\]"),
-        (["clock"], {"offsets": {"/cmd": -1e300}}, r"offsets\./cmd: must lie between"),
-        (["time"], {"field": "t", "scale": 0}, "time.scale must be positive"),
-        (["time"], {"step": 1e300}, "time.step: must lie between"),
-        (["velocities"], {"method": "savgol", "window": 1e9 + 1}, "window: must lie between"),
         (["velocities"], {"method": "savgol", "window": 9.5}, "window: expected a whole number, got 9.5"),
-        (["episodes"], {"min_duration": -1}, "min_duration: must lie between 0"),
-        (["held_out"], {"episodes_from": 2.7}, "episodes_from: expected a whole number"),
-        (["checks"], {"jump": 0}, "jump must be positive"),
         (["noise"], {"x": -0.1}, "noise.x: must lie between 0"),
-        (["state", "x", "scale"], 1e200, r"state\.x\.scale: must lie between"),
         (["system"], None, "system missing"),
         (["system"], "?", r"still '\?' at system; fill in"),
         (["state", "x", "unit"], "?", r"still '\?' at state\.x\.unit; fill in"),
-        (["time"], {"field": "?"}, r"still '\?' at time\.field"),
         (["action"], {"t": {"field": "a", "unit": "N"}}, "action: no channel can be called 't'"),
-        (["action"], {"episode": {"field": "a", "unit": "N"}}, "no channel can be called 'episode'"),
         (["action"], {"a\nb": {"field": "a", "unit": "N"}}, r"name 'a b' holds a line break .*\('\\n'\)"),
-        (["action"], {" ": {"field": "a", "unit": "N"}}, "is empty"),
         (["action"], {"a" * 201: {"field": "a", "unit": "N"}}, "has 201 characters; the limit is 200"),
     ],
 )
@@ -102,3 +85,67 @@ def test_numbers_that_yaml_takes_for_text_are_numbers(text):
 def test_a_mapping_that_is_no_mapping_is_refused():
     with pytest.raises(UsageError, match="expected keys and values"):
         parse_mapping([1, 2])
+
+
+MULTIPLYING = "\n".join(
+    ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 9)]
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("rate: 5\nstate: 1\nrate: 6", "line 3: key 'rate' is there already, in line 1"),
+        ("a: {b: 1, 'b': 2}", "line 1: key 'b' is there already"),
+        ("1: a\n'1': b", "line 2: key '1' is there already"),
+        ("a: &a [1, *a]", "line 1: an alias .* stands inside of what it repeats"),
+        ("a: &a {b: {c: *a}}", "inside of what it repeats"),
+        (MULTIPLYING, f"repeat more than {MOST_REPEATED} values"),
+        ("a: !!python/object/apply:os.getcwd []", "line 1: .*os.getcwd.* is no plain value"),
+        ("a: !!binary aGk=", "is no plain value"),
+        ("a: !!set {b, c}", "is no plain value"),
+        ("base: &b {c: 1}\nd: {<<: *b}", "line 2: the key << takes in another table"),
+        ("? [a, b]\n: 1", "cannot be a key"),
+        ("[" * 3000, "nested too deeply"),
+        ("a: " + "9" * 5000, "not readable as YAML"),
+        ("a: 1\n---\nb: 2", "line 2: .*expected a single document"),
+        ("a: [1", "line 1: not readable as YAML"),
+        ("a: \0", "not readable as YAML"),
+    ],
+)
+def test_what_is_no_plain_data_is_refused_with_its_line(text, says, tmp_path):
+    with pytest.raises(YamlError, match=says):
+        parse_yaml(text)
+    (tmp_path / "mine.yaml").write_text(text)
+    for read in (read_yaml, lambda path: read_mapping(str(path))):
+        with pytest.raises(UsageError, match=r"mine\.yaml: ") as caught:
+            read(tmp_path / "mine.yaml")
+        assert "\n" not in str(caught.value)
+
+
+def test_plain_data_stay_what_they_are_and_json_can_hold_them():
+    text = "a: &x [1, 2.5, true, null, '${oc.env:HOME}', 2024-05-01]\nb: *x\non: 1e-3\n7: '${x}'"
+    made = parse_yaml(text)
+    assert made["a"] == [1, 2.5, True, None, "${oc.env:HOME}", "2024-05-01"] == made["b"]
+    assert (made["on"], made["7"]) == ("1e-3", "${x}")
+    assert json.loads(json.dumps(made, sort_keys=True)) == made
+
+
+def test_a_mapping_cannot_ask_for_the_environment(tmp_path, monkeypatch, cartpole_log):
+    """`${oc.env:...}` used to be resolved, and its value written into recording.yaml and the manifest."""
+    monkeypatch.setenv("GPSIM_TEST_SECRET", "hunter2")
+    (tmp_path / "mine.yaml").write_text(
+        "system: cartpole\nrate: source\ntime: {field: t}\ndescription: ${oc.env:GPSIM_TEST_SECRET}\n"
+        "state: {x: {field: x, unit: '${oc.env:GPSIM_TEST_SECRET}'}}\n"
+        "action: {force: {field: force, unit: '${never.closed'}}\n"
+    )
+    import_log([cartpole_log], tmp_path / "out", str(tmp_path / "mine.yaml"), ["integrator=rk4"])
+    for file in ("recording.yaml", "manifest.json"):
+        assert "hunter2" not in (tmp_path / "out" / file).read_text()
+    assert read_recording(tmp_path / "out").state.units == {"x": "${oc.env:GPSIM_TEST_SECRET}"}
+    words = ["description=${oc.env:GPSIM_TEST_SECRET}", "state.x.offset=1e-3", "files=*.csv"]
+    resolved = resolved_mapping(str(tmp_path / "mine.yaml"), words)
+    assert resolved["description"] == "${oc.env:GPSIM_TEST_SECRET}"
+    assert resolved["state"]["x"] | {"unit": ""} == {"field": "x", "unit": "", "offset": "1e-3"}
+    assert resolved["files"] == "*.csv"

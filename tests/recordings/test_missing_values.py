@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from gpsim.recordings import write_recording
 from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import read_logs
 
@@ -67,18 +66,6 @@ def test_the_last_row_of_an_episode_needs_no_command(tmp_path, session):
     assert sum(c.kept for c in report.topics if "state" in c.part) == 400
 
 
-@pytest.mark.parametrize("table", ["csv", "parquet"])
-def test_a_recording_imports_as_itself(tmp_path, table):
-    source, _ = read(tmp_path / "log.csv", pd.concat([frame().assign(episode=n) for n in range(3)]))
-    (tmp_path / "made").mkdir()
-    write_recording(source, tmp_path / "made", table)
-    again, _, _ = read_logs([tmp_path / "made" / f"recording.{table}"], None, WORDS)
-    assert len(again.episodes) == 3
-    for ours, theirs in zip(again.episodes, source.episodes, strict=True):
-        assert np.array_equal(ours.states, theirs.states)
-        assert np.array_equal(ours.actions, theirs.actions)
-
-
 def test_the_parts_of_many_tables_are_added_up(tmp_path):
     for number in range(3):
         table = frame()
@@ -90,11 +77,6 @@ def test_the_parts_of_many_tables_are_added_up(tmp_path):
         ("the table of each of 3 logs (state)", 600),
     ]
     assert "(action)" in as_text(report)
-
-
-def test_a_table_without_empty_cells_is_one_track(tmp_path):
-    _, report = read(tmp_path / "log.csv", frame())
-    assert [count.name for count in report.topics] == ["log"]
 
 
 @pytest.mark.parametrize("table", ["csv", "parquet", "category"])

@@ -17,15 +17,6 @@ def ordered(t, values=None, burst=False):
     return clock.in_order(np.asarray(t, dtype=float), values, jump=1.0, newest_of_burst=burst)
 
 
-def test_duplicates_and_second_values_are_told_apart():
-    t = np.repeat(np.arange(0, 1, 0.1), 2)
-    values = np.repeat(np.arange(10.0), 2)[:, None]
-    values[5] += 1.0
-    made = ordered(t, values)
-    assert dict(made.dropped) == {"duplicate": 9, "second value at one stamp": 1}
-    assert made.rows.tolist() == list(range(1, 20, 2))
-
-
 def test_jumping_stamps_are_dropped_and_pauses_are_not():
     t = np.arange(0, 10, 0.1)
     t[50:] += 60.0  # a pause
@@ -41,33 +32,6 @@ def test_the_newest_of_a_burst_is_kept_on_receive_time():
     assert dict(ordered(t, burst=True).dropped) == {"older of a burst": 3}
     assert 0.3003 in ordered(t, burst=True).t
     assert dict(ordered(t).noticed) == {"in a burst": 3}
-
-
-def test_a_clock_set_back_is_a_restart_and_a_late_message_is_none():
-    t = np.concatenate([np.arange(0, 5, 0.1), np.arange(2, 4, 0.1), np.arange(1, 4, 0.1)])
-    assert clock.restarts(t) == [50, 70]
-    late = np.arange(0, 5, 0.1)
-    late[[10, 20]] -= 0.25
-    assert clock.restarts(late) == []
-
-
-@pytest.mark.parametrize("delay", [-0.17, 0.0, 0.043, 0.31])
-def test_a_known_lag_is_found(delay):
-    rng = np.random.default_rng(7)
-    step, count = 0.01, 4000
-    signal = np.repeat(rng.normal(size=count // 40), 40)
-    at = np.arange(count) * step
-    response = 0.7 * np.interp(at - delay, at, signal) + rng.normal(scale=0.05, size=count)
-    found = signals.estimate_lag(
-        ("u", "r"), [(signal[:2000], response[:2000]), (signal[2000:], response[2000:])], step
-    )
-    assert found.usable
-    assert found.lag == pytest.approx(delay, abs=0.006)
-
-
-def test_unrelated_signals_have_no_usable_lag():
-    rng = np.random.default_rng(8)
-    assert not signals.estimate_lag(("u", "r"), [(rng.normal(size=3000), rng.normal(size=3000))], 0.01).usable
 
 
 stamps = st.lists(st.floats(0.001, 0.5), min_size=1, max_size=30).map(lambda steps: np.cumsum([0.0, *steps]))
@@ -91,19 +55,6 @@ def test_the_mean_of_a_held_command_agrees_with_fine_sampling(t, step, seed):
     )
 
 
-def test_quaternions_keep_a_constant_rate_whatever_their_sign():
-    axis = np.array([0.2, -0.5, 0.8]) / np.linalg.norm([0.2, -0.5, 0.8])
-    t = np.linspace(0.0, 2.0, 21)
-    quaternions = Rotation.from_rotvec(axis * (1.7 * t)[:, None]).as_quat()
-    quaternions[::3] *= -1.0
-    at = np.linspace(0.0, 2.0, 333)
-    error = (
-        Rotation.from_quat(clock.slerp(at, t, quaternions))
-        * Rotation.from_rotvec(axis * (1.7 * at)[:, None]).inv()
-    )
-    assert error.magnitude().max() < 1e-7
-
-
 @settings(deadline=None)
 @given(st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
 def test_euler_angles_agree_with_scipy(yaw, pitch, roll):
@@ -117,11 +68,6 @@ T = np.arange(0, 4, STEP)
 GAUSSIAN = Smoothing("gaussian", sigma=2.0)
 SAVGOL = Smoothing("savgol", window=9, order=3)
 PLAIN = Smoothing("none")
-
-
-@pytest.mark.parametrize("smoothing", [GAUSSIAN, SAVGOL, PLAIN])
-def test_a_straight_line_has_its_slope_up_to_the_ends(smoothing):
-    assert signals.derivative(3.0 - 1.7 * T, STEP, smoothing) == pytest.approx(-1.7, abs=1e-9)
 
 
 @pytest.mark.parametrize(("smoothing", "tolerance"), [(GAUSSIAN, 2e-3), (SAVGOL, 2e-5), (PLAIN, 2e-4)])

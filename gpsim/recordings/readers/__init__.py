@@ -11,15 +11,13 @@ from pathlib import Path
 
 from gpsim.errors import UsageError
 from gpsim.recordings.raw import RawLog
-from gpsim.recordings.readers.bag1 import Bag1
 from gpsim.recordings.readers.bags import BagLog
-from gpsim.recordings.readers.damage import one_line
-from gpsim.recordings.readers.folder import Folder
+from gpsim.recordings.readers.container import Container
 from gpsim.recordings.readers.matlab import open_matlab
-from gpsim.recordings.readers.mcap import Mcap
-from gpsim.recordings.readers.source import Container
-from gpsim.recordings.readers.sqlite import Sqlite
+from gpsim.recordings.readers.rosbag2 import Folder, Sqlite
 from gpsim.recordings.readers.tables import open_csv, open_parquet
+from gpsim.recordings.readers.walks import Bag1, Mcap
+from gpsim.recordings.values import one_line
 
 __all__ = ["KINDS", "open_log"]
 

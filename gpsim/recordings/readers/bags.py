@@ -14,21 +14,10 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
-from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
-from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, Types, decoder
-from gpsim.recordings.readers.fields import (
-    FieldPath,
-    Named,
-    PathError,
-    Selection,
-    has_sequences,
-    numeric_fields,
-    parse_path,
-    stamp_path,
-)  # fmt: skip
-from gpsim.recordings.readers.source import LATEST, Container, Stream
+from gpsim.recordings.readers import messages
+from gpsim.recordings.readers.container import LATEST, Container, DamageError, Ledger, Stream, check_topics
+from gpsim.recordings.values import one_line
 
 DEFAULT_DISTRO = "humble"
 MISSING = "announced by the index, not found"
@@ -85,8 +74,6 @@ class Columns:
 
 @dataclass(slots=True)
 class _Reading:
-    """How one stream's messages become rows, and how many came."""
-
     stream: Stream
     decode: Callable[[bytes, str], object]
     rows: Callable[[Any], Sequence[Row]]
@@ -103,14 +90,10 @@ class BagLog:
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
-        if len(self._streams) > allowed(TOPICS):
-            raise UsageError(
-                f"{path}: it has {len(self._streams)} topics, the limit is {allowed(TOPICS)}; "
-                f"{more(len(self._streams), TOPICS)}"
-            )
+        check_topics(path, len(self._streams))
         # Of an old sqlite3 bag without definitions: the message types of the ROS 2 that its metadata name.
-        self.distro = container.distro if container.distro in DISTROS else DEFAULT_DISTRO
-        self._decoders: dict[int, Decoder] = {}
+        self.distro = container.distro if container.distro in messages.DISTROS else DEFAULT_DISTRO
+        self._decoders: dict[int, messages.Decoder] = {}
         self._nodes = 0
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
 
@@ -122,9 +105,7 @@ class BagLog:
     def topics(self) -> Sequence[Topic]:
         """What is inside, from the index; arrays are listed as long as in the first messages."""
         samples = self._samples()
-        return tuple(
-            self._topic(name, samples) for name in sorted({stream.topic for stream in self._streams})
-        )
+        return tuple(self._topic(name, samples) for name in sorted({s.topic for s in self._streams}))
 
     def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
         streams = [s for s in self._streams if s.topic == name]
@@ -136,8 +117,9 @@ class BagLog:
             except DamageError as error:
                 fault = one_line(error.reason)
                 continue
-            fields |= dict.fromkeys(numeric_fields(known.types, known.name, samples.get(stream.id, [])))
-            stamped = stamped or stamp_path(known.types, known.name) is not None
+            found = messages.numeric_fields(known.types, known.name, samples.get(stream.id, []))
+            fields |= dict.fromkeys(found)
+            stamped = stamped or messages.stamp_path(known.types, known.name) is not None
         starts = [s.start for s in streams if s.start is not None]
         ends = [s.end for s in streams if s.end is not None]
         start = (min(starts) - self.epoch_ns) / 1e9 if starts else None
@@ -150,7 +132,7 @@ class BagLog:
         wanted = {}
         for stream in self._streams:
             try:
-                if has_sequences(self._decoder(stream).types):
+                if messages.has_sequences(self._decoder(stream).types):
                     wanted[stream.id] = self._decoder(stream)
             except DamageError:
                 continue
@@ -167,13 +149,13 @@ class BagLog:
                 break
         return found
 
-    def _decoder(self, stream: Stream, *, wanted: bool = False) -> Decoder:
+    def _decoder(self, stream: Stream, *, wanted: bool = False) -> messages.Decoder:
         """wanted: its messages are asked for; what is only listed must not cost more than a log is worth."""
         if stream.id not in self._decoders:
-            if self._nodes > MAX_NODES_OF_A_LOG and not wanted:
-                said = f"the log's message types have more than {MAX_NODES_OF_A_LOG} fields together"
-                raise DamageError(said)
-            self._decoders[stream.id] = decoder(stream, self.distro)
+            most = messages.MAX_NODES_OF_A_LOG
+            if self._nodes > most and not wanted:
+                raise DamageError(f"the log's message types have more than {most} fields together")
+            self._decoders[stream.id] = messages.decoder(stream, self.distro)
             self._nodes += self._decoders[stream.id].nodes
         return self._decoders[stream.id]
 
@@ -185,10 +167,12 @@ class BagLog:
         for topic, kept in columns.items():
             readings |= self._prepare(topic, kept, ledger)
         self._read(readings, ledger)
-        read = dict.fromkeys(columns, 0)
-        for reading in readings.values():
-            read[reading.stream.topic] += reading.found - reading.lost
-        return {topic: self._series(topic, kept, read[topic], ledger) for topic, kept in columns.items()}
+        return {
+            topic: self._series(
+                topic, kept, [r for r in readings.values() if r.stream.topic == topic], ledger
+            )
+            for topic, kept in columns.items()
+        }
 
     def _prepare(self, topic: str, kept: Columns, ledger: Ledger) -> dict[int, _Reading]:
         streams = [s for s in self._streams if s.topic == topic]
@@ -201,11 +185,11 @@ class BagLog:
         for stream in streams:
             try:
                 known = self._decoder(stream, wanted=True)
-                rows = row_maker(known, kept.names, kept.absent)
+                rows = _row_maker(known, kept.names, kept.absent)
                 readings[stream.id] = _Reading(stream, known.decode_raw, rows, kept.append)
             except DamageError as error:
                 ledger.lost(error.reason, "definitions", topic, max(1, stream.count or 0))
-            except PathError as error:
+            except messages.PathError as error:
                 raise UsageError(f"{self.path}: topic {topic}: {error}") from error
         return readings
 
@@ -233,26 +217,25 @@ class BagLog:
             elif announced is not None and found > announced:
                 ledger.lost(f"{found} messages where the index announces {announced}", "index", None)
 
-    def _series(self, topic: str, kept: Columns, read: int, ledger: Ledger) -> Series:
+    def _series(self, topic: str, kept: Columns, readings: Sequence[_Reading], ledger: Ledger) -> Series:
         receive, stamps, values = kept.finished()
         known = stamps != NO_STAMP
         header = np.full(len(stamps), np.nan)
-        header[known] = seconds(stamps[known], self.epoch_ns)
+        header[known] = self._seconds(stamps[known])
         return Series(
             topic=topic,
             type=_types([s for s in self._streams if s.topic == topic]),
-            receive=seconds(receive, self.epoch_ns),
+            receive=self._seconds(receive),
             header=header if known.any() else None,
             fields=values,
-            read=read,
+            read=sum(reading.found - reading.lost for reading in readings),
             dropped=ledger.of(topic),
             absent=dict(kept.absent),
         )
 
-
-def seconds(nanoseconds: IntArray, epoch_ns: int) -> FloatArray:
-    """Integer nanoseconds to seconds after the epoch; exact to 1 ns within 100 days of it."""
-    return np.asarray((nanoseconds - epoch_ns) / 1e9, dtype=np.float64)
+    def _seconds(self, nanoseconds: IntArray) -> FloatArray:
+        """Integer nanoseconds to seconds after the epoch; exact to 1 ns within 100 days of it."""
+        return np.asarray((nanoseconds - self.epoch_ns) / 1e9, dtype=np.float64)
 
 
 def _types(streams: Sequence[Stream]) -> str:
@@ -268,46 +251,41 @@ def _epoch(starts: Sequence[int]) -> int:
     return min(start for start in starts if abs(start - middle) < _YEAR_NS) // 10**9 * 10**9
 
 
-def row_maker(
-    decoder: Decoder, wanted: Sequence[str], absent: dict[str, int]
+def _row_maker(
+    decoder: messages.Decoder, wanted: Sequence[str], absent: dict[str, int]
 ) -> Callable[[Any], Sequence[Row]]:
     """A function from message to rows (values in the order of `wanted`, stamp seconds, stamp nanoseconds).
 
     Paths that share a selection are found in the same rows, where the others' columns are absent. absent counts, by
-    field, the rows whose message has no such element. Raises PathError.
+    field, the rows whose message has no such element. Raises messages.PathError.
     """
     types = decoder.types
-    paths = [parse_path(text, types, decoder.name) for text in wanted]
+    paths = [messages.parse_path(text, types, decoder.name) for text in wanted]
     selections = list(dict.fromkeys(path.selection for path in paths))
-    own = stamp_path(types, decoder.name)
+    own = messages.stamp_path(types, decoder.name)
     if selections == [None] and own and all(isinstance(s, str) for p in paths for s in p.steps):
         dotted = [".".join(map(str, p.steps)) for p in paths]  # one call a message
         get = attrgetter(*dotted, f"{'.'.join(own)}.sec", f"{'.'.join(own)}.nanosec")
         return lambda message: (get(message),)
-    makers = [
-        _of_selection(s, [_getter(path, absent, there=path.selection == s) for path in paths], own, types)
-        for s in selections
-    ]
+    outer = _stamp(own)
+
+    def rows_of(selection: messages.Selection | None) -> Callable[[Any], Sequence[Row]]:
+        getters = [_getter(path, absent, there=path.selection == selection) for path in paths]
+        if selection is None:
+            return lambda message: ([*(get(message) for get in getters), *outer(message)],)
+        inner = messages.stamp_path(types, selection.element)
+        stamp, elements = _stamp(inner), attrgetter(".".join(selection.array))
+        keys = [(attrgetter(name), value) for name, value in selection.where]
+        return lambda message: [
+            [*(get(element) for get in getters), *(outer(message) if inner is None else stamp(element))]
+            for element in elements(message)
+            if all(str(get(element)) == value for get, value in keys)
+        ]
+
+    makers = [rows_of(selection) for selection in selections]
     if len(makers) == 1:
         return makers[0]
     return lambda message: [row for maker in makers for row in maker(message)]
-
-
-def _of_selection(
-    selection: Selection | None, getters: Sequence[Any], own: tuple[str, ...] | None, types: Types
-) -> Callable[[Any], Sequence[Row]]:
-    """From a message to the rows of what is selected in it, with its own stamp where it has one."""
-    outer = _stamp(own)
-    if selection is None:
-        return lambda message: ([*(get(message) for get in getters), *outer(message)],)
-    inner = stamp_path(types, selection.element)
-    stamp, elements = _stamp(inner), attrgetter(".".join(selection.array))
-    keys = [(attrgetter(name), value) for name, value in selection.where]
-    return lambda message: [
-        [*(get(element) for get in getters), *(outer(message) if inner is None else stamp(element))]
-        for element in elements(message)
-        if all(str(get(element)) == value for get, value in keys)
-    ]
 
 
 def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]:
@@ -319,16 +297,18 @@ def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]
     return get
 
 
-def _getter(path: FieldPath, absent: dict[str, int], *, there: bool) -> Callable[[Any], float]:
+def _getter(path: messages.FieldPath, absent: dict[str, int], *, there: bool) -> Callable[[Any], float]:
     """Follow attributes and indices; an index beyond the array's end, or a name not there, is NaN and counted."""
-    steps: list[Callable[[Any], Any]] = []
-    for step in path.steps:
-        if isinstance(step, str):
-            steps.append(attrgetter(step))
-        else:
-            steps.append(step.beside() if isinstance(step, Named) else itemgetter(step))
     if there and all(isinstance(step, str) for step in path.steps):
         return attrgetter(".".join(map(str, path.steps)))
+    steps: list[Callable[[Any], Any]] = [
+        attrgetter(step)
+        if isinstance(step, str)
+        else step.beside()
+        if isinstance(step, messages.Named)
+        else itemgetter(step)
+        for step in path.steps
+    ]
 
     def get(value: Any) -> float:
         try:

@@ -9,7 +9,7 @@ import math
 import struct
 import warnings
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,9 @@ import scipy.io
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.limits import MATLAB_BYTES, allowed, more
-from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.tables import Rows, Table, TableLog
-from gpsim.recordings.values import check_columns
+from gpsim.recordings.readers.container import DamageError, Ledger, refusal, regular_file
+from gpsim.recordings.readers.tables import Piece, Table, TableLog
+from gpsim.recordings.values import check_columns, one_line
 
 _HEADER = 128
 _COMPRESSED, _MATRIX = 15, 14
@@ -143,18 +143,17 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
         raise refusal(path, "MATLAB file", "it holds no numeric arrays")
     names = [path.stem, *(f"{path.stem}.{rows}" for rows in sizes[1:])]
     made = [
-        Table(name, tuple(tables[rows]), rows, partial(_rows, tables[rows]))
+        Table(name, tuple(tables[rows]), rows, partial(_pieces, tables[rows]))
         for name, rows in zip(names, sizes, strict=True)
     ]
     return TableLog(path, made, salvage=salvage)
 
 
-def _rows(table: Mapping[str, FloatArray], columns: Sequence[str], _: Ledger) -> Rows:
-    return Rows({name: table[name] for name in columns})
+def _pieces(table: Mapping[str, FloatArray], columns: Sequence[str], _: Ledger) -> Iterator[Piece]:
+    yield {name: (table[name], 0) for name in columns}
 
 
 def _columns(raw: Mapping[str, Any], prefix: str = "", depth: int = 0) -> list[tuple[str, FloatArray]]:
-    """(dotted name, values) of every numeric vector, also inside structs."""
     found: list[tuple[str, FloatArray]] = []
     for key, value in raw.items():
         name = f"{prefix}{key}"

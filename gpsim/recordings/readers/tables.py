@@ -9,7 +9,7 @@ import difflib
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,8 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.files import PARQUET, check_parquet, check_width, is_text
 from gpsim.recordings.raw import Series, Topic
-from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.values import LONGEST_LINE, cells_of, check_columns
+from gpsim.recordings.readers.container import DamageError, Ledger, refusal, regular_file
+from gpsim.recordings.values import LONGEST_LINE, cells_of, check_columns, one_line
 
 _HEAD = 1 << 18
 _PIECE = 65_536
@@ -35,27 +35,21 @@ _NUMBER = re.compile(
 )
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Columns of a table: (N,) values each; empty cells are NaN and counted in `absent`."""
-
-    values: Mapping[str, FloatArray]
-    absent: Mapping[str, int] = field(default_factory=dict)
+Piece = Mapping[str, tuple[FloatArray, int]]
+"""Some rows: by column the values (N,), NaN where empty, and how many cells are empty."""
 
 
 @dataclass(frozen=True)
 class Table:
     """One table of a file: its numeric columns, how many rows.
 
-    texts: columns of text, which `read` gives as codes.
+    texts: columns of text, which come as codes; pieces: reads columns and tells a ledger what is lost.
     """
 
     name: str
     columns: tuple[str, ...]
     rows: int
-    read: Callable[[Sequence[str], Ledger], Rows]
+    pieces: Callable[[Sequence[str], Ledger], Iterator[Piece]]
     texts: tuple[str, ...] = ()
 
 
@@ -93,15 +87,18 @@ class TableLog:
         for column in columns:
             if column not in (*table.columns, *table.texts):
                 close = difflib.get_close_matches(column, table.columns, 3, 0.5) or table.columns[:_SHOWN]
-                there = ", ".join(close) or "none"
-                said = f"no numeric column '{one_line(column, 80)}'; there are: {there}"
+                said = f"no numeric column '{one_line(column, 80)}'; there are: {', '.join(close) or 'none'}"
                 raise UsageError(f"{self.path}: {said}")
         ledger = self.ledger.same()
-        rows = table.read(columns, ledger)
-        count = min((len(v) for v in rows.values.values()), default=0)
-        absent = {column: empty for column, empty in rows.absent.items() if empty}
-        receive = np.full(count, np.nan)
-        return Series(name, "table", receive, None, rows.values, count, ledger.of(name), absent)
+        kept, absent = {column: [np.empty(0)] for column in columns}, dict.fromkeys(columns, 0)
+        for piece in table.pieces(columns, ledger):
+            for column, (part, empty) in piece.items():
+                kept[column].append(part)
+                absent[column] += empty
+        values = {column: np.concatenate(parts) for column, parts in kept.items()}
+        count = min(map(len, values.values()), default=0)
+        absent = {column: empty for column, empty in absent.items() if empty}
+        return Series(name, "table", np.full(count, np.nan), None, values, count, ledger.of(name), absent)
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,7 @@ class Layout:
     texts: tuple[str, ...] = ()
 
 
-def read_layout(path: Path) -> Layout:
-    """Look at the file; DamageError when it is no text table."""
+def _layout(path: Path) -> Layout:
     lines_there, last = _count_lines(path)
     with path.open("rb") as file:
         raw = file.read(_HEAD)
@@ -188,14 +184,12 @@ def _is_comment(line: str) -> bool:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """A line's cells without quotes."""
     if separator == r"\s+":
         return [part.strip('"').strip() for part in line.split()]
     return cells_of(line.strip("\r\n"), separator)
 
 
 def _is_number(cell: str) -> bool:
-    """Whether a cell holds a number, as any program writes it."""
     return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell))
 
 
@@ -239,7 +233,7 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
     """A text table; UsageError when it is none."""
     regular_file(path)
     try:
-        layout = read_layout(path)
+        layout = _layout(path)
         check_width(path, len(layout.names))
         check_columns(layout.names, str(path))
         columns, texts = _kinds_of_columns(path, layout)
@@ -247,16 +241,15 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
         raise refusal(path, "table", one_line(error)) from error
     count = len(_cells(layout.last_line, layout.separator))
     cut = layout.rows > 1 and 0 < count < len(layout.names)
-    read = partial(_read_csv, path, replace(layout, texts=texts), cut)
-    log = TableLog(path, [Table(path.stem, columns, layout.rows, read, texts)], salvage=salvage)
+    # A last row that ends early ends in the middle of a number, for all that is known.
+    pieces = partial(_of_csv, path, replace(layout, texts=texts), layout.rows - 1 if cut else None)
+    log = TableLog(path, [Table(path.stem, columns, layout.rows, pieces, texts)], salvage=salvage)
     if cut:
         log.ledger.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
     return log
 
 
-def _pieces(
-    path: Path, layout: Layout, columns: Sequence[str], rows: int | None = None
-) -> Iterator[pd.DataFrame]:
+def _frames(path: Path, layout: Layout, columns: Sequence[str], rows: int | None) -> Iterator[pd.DataFrame]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         reader = pd.read_csv(
@@ -288,7 +281,7 @@ def _kinds_of_columns(path: Path, layout: Layout) -> tuple[tuple[str, ...], tupl
     """
     empty = pd.DataFrame(columns=list(layout.names))
     try:
-        table = next(iter(_pieces(path, layout, layout.names, _LOOK)), empty)
+        table = next(iter(_frames(path, layout, layout.names, _LOOK)), empty)
     except Exception as error:
         raise DamageError(f"not a table: {one_line(error, 120)}") from error
     numeric, texts = [], []
@@ -304,30 +297,32 @@ def _kinds_of_columns(path: Path, layout: Layout) -> tuple[tuple[str, ...], tupl
     return tuple(numeric), tuple(texts)
 
 
-def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], ledger: Ledger) -> Rows:
-    """The columns; `cut`: the last row ends in the middle of a number, for all that is known."""
-    kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
-    absent = dict.fromkeys(columns, 0)
-    texts: dict[str, Codes] = {name: Codes() for name in layout.texts if name in columns}
+def _of_csv(
+    path: Path, layout: Layout, rows: int | None, columns: Sequence[str], ledger: Ledger
+) -> Iterator[Piece]:
+    """The columns of the first `rows` rows, or of all; a row with several cells that are no numbers is lost once."""
+    texts = {name: Codes() for name in layout.texts if name in columns}
     first = layout.skip + 1
     try:
-        for piece, is_last in _with_last(_pieces(path, layout, columns)):
-            rows = piece[:-1] if cut and is_last else piece  # whoever opened the file has counted the cut one
-            read = {
-                name: texts[name].of(rows[name]) if name in texts else _numbers(rows[name], layout.decimal)
+        for frame in _frames(path, layout, columns, rows):
+            empty = {name: frame[name].isna().to_numpy(dtype=np.bool_) for name in columns}
+            values = {
+                name: texts[name].of(frame[name]) if name in texts else _numbers(frame[name], layout.decimal)
                 for name in columns
             }
-            # A row with several cells that are no numbers is lost once.
-            out = np.logical_or.reduce([np.zeros(len(rows), np.bool_), *(bad for _, _, bad in read.values())])
+            none = np.zeros(len(frame), dtype=np.bool_)
+            bad = {
+                name: none if name in texts else _odd(frame[name], values[name], empty[name])
+                for name in columns
+            }
+            out = np.logical_or.reduce([none, *bad.values()])
             if out.any():
                 row = int(np.flatnonzero(out)[0])
-                name = next(name for name, (_, _, bad) in read.items() if bad[row])
-                where = f"line {first + row}, column {name}: {one_line(rows[name].iloc[row], 40)!r}"
+                name = next(name for name in columns if bad[name][row])
+                where = f"line {first + row}, column {name}: {one_line(frame[name].iloc[row], 40)!r}"
                 ledger.lost("a cell is not a number", where, path.stem, int(out.sum()))
-            for name, (values, empty, _) in read.items():
-                absent[name] += int(empty.sum())
-                kept[name].append(values[~out])
-            first += len(piece)
+            yield {name: (values[name][~out], int(empty[name].sum())) for name in columns}
+            first += len(frame)
     except (
         pd.errors.ParserError,
         pd.errors.EmptyDataError,
@@ -336,23 +331,8 @@ def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], led
         MemoryError,
         OSError,
     ) as error:
-        ledger.lost(
-            f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind line {first - 1}"
-        )
-    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
-
-
-def _with_last(pieces: Iterator[pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, bool]]:
-    """Each piece, and whether it is the last; what was read before a fault comes before the fault."""
-    piece = next(pieces, None)
-    while piece is not None:
-        try:
-            following = next(pieces, None)
-        except Exception:
-            yield piece, False
-            raise
-        yield piece, following is None
-        piece = following
+        reason = f"the rest of the table cannot be read: {one_line(error, 120)}"
+        ledger.lost(reason, f"behind line {first - 1}")
 
 
 class Codes:
@@ -361,8 +341,8 @@ class Codes:
     def __init__(self) -> None:
         self.known: dict[str, int] = {}
 
-    def of(self, column: pd.Series) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
+    def of(self, column: pd.Series) -> FloatArray:
+        """(N,), NaN where empty."""
         empty = column.isna().to_numpy(dtype=np.bool_)
         held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
         code = np.full(len(held.categories), np.nan)
@@ -370,20 +350,28 @@ class Codes:
             code[at] = self.known.setdefault(str(held.categories[at]).strip(), len(self.known))
         codes = np.full(len(column), np.nan)
         codes[~empty] = code[held.codes.to_numpy()]
-        return codes, empty, np.zeros(len(column), dtype=np.bool_)
+        return codes
 
 
-def _numbers(column: Any, decimal: str) -> tuple[FloatArray, BoolArray, BoolArray]:
-    """(values, empty cells, cells that are no numbers)."""
-    empty = column.isna().to_numpy()
-    if pd.api.types.is_numeric_dtype(column):
-        return column.to_numpy(dtype=np.float64), empty, np.zeros(len(column), dtype=np.bool_)
-    text = column.astype(str).str.strip().replace({"True": "1", "true": "1", "False": "0", "false": "0"})
-    if decimal == ",":
-        text = text.str.replace(",", ".", regex=False)
-    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
-    named = text.str.lower().isin(["nan", "inf", "-inf", "+inf", "infinity", "-infinity"]).to_numpy()
-    return values, empty, np.isnan(values) & ~empty & ~named
+def _numbers(column: Any, decimal: str) -> FloatArray:
+    if not pd.api.types.is_numeric_dtype(column):
+        column = (
+            column.astype(str).str.strip().replace({"True": "1", "true": "1", "False": "0", "false": "0"})
+        )
+        if decimal == ",":
+            column = column.str.replace(",", ".", regex=False)
+        column = pd.to_numeric(column, errors="coerce")
+    return np.asarray(column.to_numpy(dtype=np.float64))
+
+
+def _odd(column: Any, values: FloatArray, empty: BoolArray) -> BoolArray:
+    """(N,) cells that are no numbers, not even `nan`."""
+    unread = np.isnan(values) & ~empty
+    if not unread.any() or pd.api.types.is_numeric_dtype(column):
+        return np.zeros(len(values), dtype=np.bool_)
+    text = column.astype(str).str.strip().str.lower()
+    named = text.isin(["nan", "inf", "-inf", "+inf", "infinity", "-infinity"]).to_numpy(dtype=np.bool_)
+    return np.asarray(unread & ~named)
 
 
 def open_parquet(path: Path, salvage: bool) -> TableLog:
@@ -404,31 +392,26 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
         # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
     check_columns(names, str(path))
-    table = Table(path.stem, columns, rows, partial(_read_parquet, path, texts), texts)
+    table = Table(path.stem, columns, rows, partial(_of_parquet, path, texts), texts)
     return TableLog(path, [table], salvage=salvage)
 
 
-def _read_parquet(path: Path, texts: Sequence[str], columns: Sequence[str], ledger: Ledger) -> Rows:
-    kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
-    absent = dict.fromkeys(columns, 0)
-    codes = {name: Codes() for name in texts if name in columns}
-    rows = 0
+def _of_parquet(path: Path, texts: Sequence[str], columns: Sequence[str], ledger: Ledger) -> Iterator[Piece]:
+    codes, rows = {name: Codes() for name in texts if name in columns}, 0
     try:
         with pq.ParquetFile(path, read_dictionary=list(codes), **PARQUET) as file:
             for batch in file.iter_batches(batch_size=_PIECE, columns=list(columns), use_threads=False):
-                made = {
-                    name: codes[name].of(batch.column(name).to_pandas())[0]
-                    if name in codes
-                    else _seconds_or_numbers(batch.column(name))
-                    for name in columns
+                held = {name: batch.column(name) for name in columns}
+                yield {
+                    name: (
+                        codes[name].of(column.to_pandas()) if name in codes else _seconds_or_numbers(column),
+                        column.null_count,
+                    )
+                    for name, column in held.items()
                 }
-                for name in columns:
-                    absent[name] += batch.column(name).null_count
-                    kept[name].append(made[name])
                 rows += batch.num_rows
     except Exception as error:  # as above
         ledger.lost(f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind row {rows}")
-    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
 
 
 def _seconds_or_numbers(column: Any) -> FloatArray:

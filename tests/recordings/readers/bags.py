@@ -114,12 +114,13 @@ def write_bag(path, kind, topics, *, chunk=4096):
     )
     found = [(receive, topic, serialise(ros, name, values)) for receive, topic, name, values in rows]
     types = {topic: messages.type for topic, messages in topics.items()}
-    if kind in MCAP_KINDS:
+    if kind.startswith("mcap") and "folder" not in kind:
         definitions = {name: typestore(2).generate_msgdef(name, ros_version=2)[0] for name in types.values()}
         options = Chunks(
             compression={"mcap-lz4": "lz4", "mcap-zstd": "zstd"}.get(kind, "none"),
             size=None if kind == "mcap-unchunked" else chunk,
             summary=kind != "mcap-no-summary",
+            checked=kind != "mcap-unchecked",
         )
         path.write_bytes(write_mcap(types, definitions, found, options))
     elif ros == 1:
@@ -129,18 +130,22 @@ def write_bag(path, kind, topics, *, chunk=4096):
     return path
 
 
-def _write_ros1(path, kind, types, rows, chunk):
-    writer = Writer1(path)
-    writer.chunk_threshold = chunk
-    if kind != "ros1":
-        writer.set_compression(Writer1.CompressionFormat[kind.removeprefix("ros1-").upper()])
+def _write(writer, ros, types, rows):
     with writer:
-        store = typestore(1)
+        store = typestore(ros)
         connections = {
             topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
         }
         for receive, topic, data in rows:
             writer.write(connections[topic], receive, data)
+
+
+def _write_ros1(path, kind, types, rows, chunk):
+    writer = Writer1(path)
+    writer.chunk_threshold = chunk
+    if kind != "ros1":
+        writer.set_compression(Writer1.CompressionFormat[kind.removeprefix("ros1-").upper()])
+    _write(writer, 1, types, rows)
 
 
 def _write_ros2(path, kind, types, rows):
@@ -149,13 +154,7 @@ def _write_ros2(path, kind, types, rows):
     mode = {"sqlite3-message": "MESSAGE", "sqlite3-file": "FILE", "mcap-folder-zstd": "STORAGE"}.get(kind)
     if mode is not None:
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
-    with writer:
-        store = typestore(2)
-        connections = {
-            topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
-        }
-        for receive, topic, data in rows:
-            writer.write(connections[topic], receive, data)
+    _write(writer, 2, types, rows)
 
 
 def drive(seconds=1.0, rate=50.0, seed=0):
@@ -164,80 +163,74 @@ def drive(seconds=1.0, rate=50.0, seed=0):
     /pose and /tf at `rate` [Hz], the commands at a fifth of it; header stamps carry odd nanoseconds.
     """
     rng = np.random.default_rng(seed)
-    poses, covariances, transforms, frames, odometry = [], [], [], [], []
+    kinds = {
+        "/pose": "geometry_msgs/msg/PoseStamped",
+        "/pose_cov": "geometry_msgs/msg/PoseWithCovarianceStamped",
+        "/transform": "geometry_msgs/msg/TransformStamped",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/odom": "nav_msgs/msg/Odometry",
+    }
+    made = {topic: Messages(kind, []) for topic, kind in kinds.items()}
     for i in range(int(seconds * rate)):
         receive = EPOCH + 123_456_789 + round(i * 1e9 / rate) + int(rng.integers(0, 500_000))
         when, angle = receive - 7_000_001, 0.02 * i
         position = {"x": float(np.cos(angle)), "y": float(np.sin(angle)), "z": 0.05}
         orientation = {"z": float(np.sin(angle / 2)), "w": float(np.cos(angle / 2))}
         pose = {"position": position, "orientation": orientation}
-        stamped = {"header": header(when), "pose": pose}
-        transform = {"translation": position, "rotation": orientation}
-        child = {"header": header(when), "child_frame_id": "base_link", "transform": transform}
+        head = {"header": header(when)}
+        child = {
+            **head,
+            "child_frame_id": "base_link",
+            "transform": {"translation": position, "rotation": orientation},
+        }
         other = {
             "header": header(when - 5),
             "child_frame_id": "wheel",
             "transform": {"translation": {"x": float(i)}, "rotation": {"w": 1.0}},
         }
-        covariance = [float(j) for j in range(36)]
-        poses.append((receive, stamped))
-        covariances.append(
-            (receive, {"header": header(when), "pose": {"pose": pose, "covariance": covariance}})
-        )
-        transforms.append((receive, child))
-        frames.append((receive, {"transforms": [child, other] if i % 2 else [other]}))
+        covered = {"pose": pose, "covariance": [float(j) for j in range(36)]}
         twist = {"twist": {"linear": {"x": 0.5}, "angular": {"z": 0.1}}}
-        odometry.append((receive, {"header": header(when), "pose": {"pose": pose}, "twist": twist}))
-    return {
-        "/pose": Messages("geometry_msgs/msg/PoseStamped", poses),
-        "/pose_cov": Messages("geometry_msgs/msg/PoseWithCovarianceStamped", covariances),
-        "/transform": Messages("geometry_msgs/msg/TransformStamped", transforms),
-        "/tf": Messages("tf2_msgs/msg/TFMessage", frames),
-        "/odom": Messages("nav_msgs/msg/Odometry", odometry),
-        **_commands(seconds, rate / 5.0),
-    }
+        said = (
+            {**head, "pose": pose},
+            {**head, "pose": covered},
+            child,
+            {"transforms": [child, other] if i % 2 else [other]},
+            {**head, "pose": {"pose": pose}, "twist": twist},
+        )
+        for messages, values in zip(made.values(), said, strict=True):
+            messages.rows.append((receive, values))
+    return made | _commands(seconds, rate / 5.0)
 
 
 def _commands(seconds, rate):
     times = [EPOCH + 150_000_003 + round(i * 1e9 / rate) for i in range(int(seconds * rate))]
-    twists = [{"linear": {"x": 0.1 * i}, "angular": {"z": -0.2 * i}} for i in range(len(times))]
-    drives = [{"steering_angle": 0.125 * i, "speed": 0.25 * i} for i in range(len(times))]
+
+    def told(kind, late, of):
+        """late: ns from stamp to arrival, None of messages without a header."""
+        rows = [
+            (t, of(i) | ({} if late is None else {"header": header(t - late)})) for i, t in enumerate(times)
+        ]
+        return Messages(kind, rows)
+
+    def twist(i):
+        return {"linear": {"x": 0.1 * i}, "angular": {"z": -0.2 * i}}
+
+    def steered(i):
+        return {"steering_angle": 0.125 * i, "speed": 0.25 * i}
+
+    def state(i):
+        return {"battery_voltage": 11.5 - 0.01 * i, "wheel_ticks": [i, -i, 7, -7], "from": True}
+
+    several = "std_msgs/msg/Float32MultiArray"
     return {
-        "/cmd_vel": Messages("geometry_msgs/msg/Twist", list(zip(times, twists, strict=True))),
-        "/cmd_stamped": Messages(
-            "geometry_msgs/msg/TwistStamped",
-            [(t, {"header": header(t - 11), "twist": twist}) for t, twist in zip(times, twists, strict=True)],
+        "/cmd_vel": told("geometry_msgs/msg/Twist", None, twist),
+        "/cmd_stamped": told("geometry_msgs/msg/TwistStamped", 11, lambda i: {"twist": twist(i)}),
+        "/ackermann": told("ackermann_msgs/msg/AckermannDrive", None, steered),
+        "/ackermann_stamped": told(
+            "ackermann_msgs/msg/AckermannDriveStamped", 13, lambda i: {"drive": steered(i)}
         ),
-        "/ackermann": Messages("ackermann_msgs/msg/AckermannDrive", list(zip(times, drives, strict=True))),
-        "/ackermann_stamped": Messages(
-            "ackermann_msgs/msg/AckermannDriveStamped",
-            [(t, {"header": header(t - 13), "drive": drive}) for t, drive in zip(times, drives, strict=True)],
-        ),
-        "/throttle": Messages("std_msgs/msg/Float32", [(t, {"data": 0.5 * i}) for i, t in enumerate(times)]),
-        "/sensors": Messages(
-            "std_msgs/msg/Float32MultiArray",
-            [(t, {"data": [float(i), 2.0, 3.0][: 3 if i % 4 else 2]}) for i, t in enumerate(times)],
-        ),
-        "/joy": Messages(
-            "sensor_msgs/msg/Joy",
-            [
-                (t, {"header": header(t - 17), "axes": [0.0, 0.01 * i], "buttons": [1, 0, i]})
-                for i, t in enumerate(times)
-            ],
-        ),
-        "/status": Messages(
-            "limo_msgs/msg/Status",
-            [
-                (
-                    t,
-                    {
-                        "header": header(t - 19),
-                        "battery_voltage": 11.5 - 0.01 * i,
-                        "wheel_ticks": [i, -i, 7, -7],
-                        "from": True,
-                    },
-                )
-                for i, t in enumerate(times)
-            ],
-        ),
+        "/throttle": told("std_msgs/msg/Float32", None, lambda i: {"data": 0.5 * i}),
+        "/sensors": told(several, None, lambda i: {"data": [float(i), 2.0, 3.0][: 3 if i % 4 else 2]}),
+        "/joy": told("sensor_msgs/msg/Joy", 17, lambda i: {"axes": [0.0, 0.01 * i], "buttons": [1, 0, i]}),
+        "/status": told("limo_msgs/msg/Status", 19, state),
     }

@@ -1,7 +1,5 @@
 """MCAP files by the format's own library, with what rosbags' writer lacks: lz4, checksums, no chunks, no summary."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from io import BytesIO
@@ -13,40 +11,34 @@ MAGIC = b"\x89MCAP0\r\n"
 
 @dataclass(frozen=True)
 class Chunks:
-    """size None: messages lie outside chunks. Checksums are of every chunk and of the summary."""
+    """size None: messages lie outside chunks. checked: every chunk and the summary have a checksum."""
 
     compression: str = "none"
     size: int | None = 4096
     summary: bool = True
+    checked: bool = True
 
 
 def text(value):
-    raw = value.encode()
-    return struct.pack("<I", len(raw)) + raw
+    return struct.pack("<I", len(value.encode())) + value.encode()
 
 
 def record(op, body):
     return struct.pack("<BQ", op, len(body)) + body
 
 
-def write_mcap(
-    types,
-    definitions,
-    rows,
-    options,
-):
+def write_mcap(types, definitions, rows, options):
     """A whole file. types: topic to type; definitions: type to text; rows: (time [ns], topic, CDR bytes)."""
     out, told = BytesIO(), options.summary
+    told_of = ("repeat_channels", "repeat_schemas", "use_statistics", "use_summary_offsets")
     writer = Writer(
         out,
         chunk_size=options.size or 0,
         compression=CompressionType[options.compression.upper()],
         index_types=IndexType.ALL if told else IndexType.NONE,
-        repeat_channels=told,
-        repeat_schemas=told,
         use_chunking=options.size is not None,
-        use_statistics=told,
-        use_summary_offsets=told,
+        enable_crcs=options.checked,
+        **dict.fromkeys(told_of, told),
     )
     writer.start("ros2", "gpsim tests")
     schemas = {

@@ -77,12 +77,6 @@ def test_joints_and_actuators_map_by_name_at_once(kind, name, tmp_path):
     assert np.ptp(actions[:, 0]) > 4.0
 
 
-def test_speeds_that_no_message_holds_are_left_to_the_diagnosis(tmp_path):
-    bag = write_bag(tmp_path / "a.mcap", "mcap", {"/joint_states": states(speeds=False), "/cmd": asked()})
-    read = decide(RawLog(bag, "gpsim import", written(tmp_path, DOUBLE)))
-    assert list(read.raw["state"]) == ["shoulder", "elbow"]
-
-
 def test_a_servo_is_commanded_by_its_joints_name_and_position(tmp_path):
     robot = written(tmp_path, SERVO)
     rows = [row(k, name=["hinge"], position=[0.01 * k]) for k in range(COUNT)]
@@ -110,23 +104,6 @@ def test_motors_that_nobody_commands_take_the_efforts_that_were_measured(tmp_pat
     assert read.raw["action"]["m1"] == {"field": "effort[name=shoulder]", "unit": "N m"}
 
 
-@pytest.mark.parametrize(
-    "ends", [("", "_dot", "_tau"), ("_position", "_velocity", "_effort"), ("_q", "_qd", "_torque")]
-)
-def test_joints_with_numbers_and_their_torques_are_found_by_name(ends, tmp_path):
-    robot = written(tmp_path, DOUBLE.replace('"shoulder"', '"joint_1_of"').replace('"elbow"', '"joint_2_of"'))
-    names = [f"joint_{i}_of{end}" for end in ends for i in (2, 1)]
-    lines = [",".join([f"{0.02 * k:.2f}", *(f"{0.01 * k * i}" for i in range(6))]) for k in range(COUNT)]
-    (tmp_path / "log.csv").write_text("\n".join([",".join(["time", *names]), *lines]) + "\n")
-    read = decide(RawLog(tmp_path / "log.csv", "gpsim import", robot))
-    assert [read.raw["state"][f"joint_{i}_of_dot"]["field"] for i in (1, 2)] == [
-        f"joint_{i}_of{ends[1]}" for i in (1, 2)
-    ]
-    assert [read.raw["action"][f"m{i}"]["field"] for i in (1, 2)] == [
-        f"joint_{i}_of{ends[2]}" for i in (1, 2)
-    ]
-
-
 def test_what_no_message_names_is_asked_for(tmp_path):
     robot = written(tmp_path, DOUBLE)
     bag = write_bag(tmp_path / "a.mcap", "mcap", {"/joint_states": states()})
@@ -136,16 +113,3 @@ def test_what_no_message_names_is_asked_for(tmp_path):
     words = ("m1=velocity[name=shoulder]", "m2=none")
     read = decide(RawLog(bag, "gpsim import", robot, words=words))
     assert read.raw["action"]["m1"]["field"] == "velocity[name=shoulder]"
-
-
-def test_what_a_table_calls_otherwise_is_renamed(tmp_path):
-    robot = written(tmp_path, DOUBLE)
-    lines = [f"{0.02 * k:.2f},{0.01 * k},{0.02 * k},{0.1 * k},0" for k in range(COUNT)]
-    (tmp_path / "log.csv").write_text("\n".join(["time,q1,q2,u1,u2", *lines]) + "\n")
-    words = ("shoulder=q1", "elbow=deg*q2", "m1=u1", "m2=u2")
-    read = decide(RawLog(tmp_path / "log.csv", "gpsim import", robot, words=words))
-    import_log([tmp_path / "log.csv"], tmp_path / "rec", raw=read.raw)
-    recording, _ = open_recording(Task(tmp_path / "rec", None))
-    assert recording.state.names == ("shoulder", "elbow")
-    assert recording.episodes[0].states[-1] == pytest.approx([0.59, np.radians(1.18)])
-    assert recording.episodes[0].actions[-1, 0] == pytest.approx(5.8)

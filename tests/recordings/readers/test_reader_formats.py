@@ -5,7 +5,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 
 WANTED = {
     "/pose": ["pose.position.x", "pose.orientation.w"],
@@ -55,42 +55,6 @@ def test_every_message_comes_back(bag):
     assert (series["/pose_cov"].fields["pose.covariance.35"] == 35.0).all()
 
 
-def test_header_stamps_keep_their_nanoseconds(bag):
-    series = open_log(bag).series({"/pose": ["pose.position.x"], "/throttle": ["data"]})
-    header = series["/pose"].header
-    assert header is not None
-    given = [receive - 7_000_001 for receive, _ in drive(1.0)["/pose"].rows]
-    np.testing.assert_array_equal(np.round(header * 1e9).astype(np.int64) + EPOCH, given)
-    assert series["/throttle"].header is None
-
-
-def test_transforms_are_selected_by_their_child_frame(bag):
-    paths = [f"transforms[child_frame_id={name}].transform.translation.x" for name in ("base_link", "wheel")]
-    log, given = open_log(bag), drive(1.0)["/tf"].rows
-    alone = log.series({"/tf": paths[:1]})["/tf"]
-    rows = [(r, t) for r, values in given for t in values["transforms"] if t["child_frame_id"] == "base_link"]
-    np.testing.assert_array_equal(
-        alone.fields[paths[0]], [t["transform"]["translation"]["x"] for _, t in rows]
-    )
-    np.testing.assert_array_equal(alone.receive, seconds([r for r, _ in rows]))
-    assert alone.header is not None
-    np.testing.assert_array_equal(alone.header, seconds([r - 7_000_001 for r, _ in rows]))
-    assert alone.read == len(given)
-    both = log.series({"/tf": paths})["/tf"]
-    assert len(both.receive) == sum(len(values["transforms"]) for _, values in given)
-    for path in paths:
-        assert int(np.isnan(both.fields[path]).sum()) == both.absent[path]
-    wheel = both.fields[paths[1]]
-    np.testing.assert_array_equal(wheel[~np.isnan(wheel)], np.arange(len(given)))
-
-
-def test_elements_that_a_message_does_not_have_are_absent(bag):
-    series = open_log(bag).series({"/sensors": ["data.0", "data.2"]})["/sensors"]
-    missing = np.arange(len(series.receive)) % 4 == 0
-    np.testing.assert_array_equal(np.isnan(series.fields["data.2"]), missing)
-    assert series.absent == {"data.2": int(missing.sum())}
-
-
 def test_topics_say_what_is_inside(bag):
     topics = {topic.name: topic for topic in open_log(bag).topics()}
     given = drive(1.0)
@@ -108,13 +72,6 @@ def test_topics_say_what_is_inside(bag):
     assert "pose.covariance.35" in topics["/pose_cov"].fields
     assert topics["/joy"].has_header
     assert not topics["/cmd_vel"].has_header
-
-
-def test_every_listed_field_can_be_read(bag):
-    log = open_log(bag)
-    listed = {topic.name: topic.fields for topic in log.topics()}
-    for topic, series in log.series(listed).items():
-        assert set(series.fields) == set(listed[topic])
 
 
 def test_rosbags_reads_the_same(bag):

@@ -1,19 +1,19 @@
 """Files that are not what their name says, or that are made to harm: one clear line, soon, in little memory."""
 
 import bz2
-import os
+import sqlite3
 import struct
-import zlib
 
 import numpy as np
 import pytest
-from bags import EPOCH, KINDS, Messages, called, drive, write_bag
-from mcap_writer import record, text
-from mutations import Outcomes, refused, watch
+import yaml
+from bags import EPOCH, Messages, drive, write_bag
+from mcap_writer import Chunks, record, text, write_mcap
+from mutations import Outcomes, deadline, refused, watch
 
 from gpsim.errors import UsageError
+from gpsim.recordings import open_log
 from gpsim.recordings.readers import KINDS as SUFFIXES
-from gpsim.recordings.readers import matlab, open_log
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -31,27 +31,6 @@ def test_what_is_no_log_at_all(tmp_path, suffix):
     if suffix not in (".csv", ".tsv", ".txt"):
         refused(words)
     assert "does not exist" in refused(tmp_path / f"nowhere{suffix}")
-
-
-@pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap", ".csv"])
-def test_links_pipes_and_rights(tmp_path, suffix):
-    dangling, loop, pipe, endless = (
-        tmp_path / f"{name}{suffix}" for name in ("dangling", "loop", "pipe", "endless")
-    )
-    dangling.symlink_to(tmp_path / "nothing")
-    loop.symlink_to(loop)
-    os.mkfifo(pipe)
-    endless.symlink_to("/dev/zero")
-    for path in (dangling, loop, pipe, endless):
-        refused(path)
-    real = write_bag(tmp_path / "real.bag", "ros1", drive(0.2))
-    (tmp_path / "link.bag").symlink_to(real)
-    assert open_log(tmp_path / "link.bag").topics()
-
-
-def test_an_unknown_ending_is_told_the_known_ones(tmp_path):
-    (tmp_path / "log.xlsx").write_bytes(b"PK")
-    assert ".mcap" in refused(tmp_path / "log.xlsx")
 
 
 def ros1_bag(path, chunks, declared=None):
@@ -102,24 +81,6 @@ def mcap_with(path, *records):
     return path
 
 
-def test_a_matlab_file_that_swells(tmp_path, monkeypatch):
-    packed = zlib.compress(bytes(1 << 20), 9)
-    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
-    one = struct.pack("<II", 15, len(packed)) + packed
-    monkeypatch.setattr(matlab, "MATLAB_BYTES", 8 << 20)
-    (tmp_path / "bomb.mat").write_bytes(head + one * 300)
-    assert "more than" in refused(tmp_path / "bomb.mat")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_bag_without_messages(tmp_path, kind):
-    path = write_bag(tmp_path / called(kind, "none"), kind, {"/u": Messages("std_msgs/msg/Float32", [])})
-    log = open_log(path)
-    for topic in log.topics():
-        assert topic.count == 0
-        assert len(log.series({topic.name: ["data"]})[topic.name].receive) == 0
-
-
 def test_an_encoding_that_is_not_read(tmp_path):
     schema = record(
         3, struct.pack("<H", 1) + text("pb.Type") + text("protobuf") + struct.pack("<I", 2) + b"\xff\xfe"
@@ -133,24 +94,143 @@ def test_an_encoding_that_is_not_read(tmp_path):
         open_log(path).series({"/p": ["x"]})
 
 
-@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
-def test_files_full_of_false_beginnings_end_soon(tmp_path, suffix):
-    """1 MB of marks at which a search for the next record stops, each of them in vain."""
-    start = b"#ROSBAG V2.0\n" if suffix == ".bag" else b"\x89MCAP0\r\n"
-    marks = {
-        "op": struct.pack("<I3sB", 4, b"op=", 5),
-        "header": struct.pack("<I", 60) + struct.pack("<I3sB", 4, b"op=", 2),
-        "empty": struct.pack("<BQ", 5, 0),
-        "short": struct.pack("<BQ", 5, 22) + struct.pack("<HIQQ", 1, 0, 1, 1),
-        "alternate": (struct.pack("<BQ", 5, 22) + struct.pack("<HIQQ", 1, 0, 1, 1) + b"\x00" * 9),
-        "chunk": struct.pack("<BQ", 6, 40)
-        + struct.pack("<QQQI", 0, 1, 10, 0)
-        + bytes(4)
-        + struct.pack("<Q", 0),
-    }
-    for name, mark in marks.items():
-        path = tmp_path / f"{name}{suffix}"
-        path.write_bytes(start + mark * ((1 << 20) // len(mark)))
+def with_definition(path, name, definition, data=bytes(64)):
+    rows = [(EPOCH + i, "/x", b"\x00\x01\x00\x00" + data) for i in range(3)]
+    path.write_bytes(write_mcap({"/x": name}, {name: definition}, rows, Chunks()))
+    return path
+
+
+SEPARATOR = "=" * 80
+NESTED = "\n".join(
+    [
+        f"a/T1[1000] x\n{SEPARATOR}",
+        *(f"MSG: a/T{i}\na/T{i + 1}[1000] x\n{SEPARATOR}" for i in range(1, 9)),
+        "MSG: a/T9\nuint8 y",
+    ]
+)
+DEEP = "\n".join(
+    [
+        f"a/T1 x\n{SEPARATOR}",
+        *(f"MSG: a/T{i}\na/T{i + 1} x\n{SEPARATOR}" for i in range(1, 200)),
+        "MSG: a/T200\nuint8 y",
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("definition", "says"),
+    [
+        ("string[900000000] x", "expands to"),
+        (NESTED, "expands to"),
+        (DEEP, "nested"),
+        ("a/X x", "contains itself"),
+        (f"a/E[] x\n{SEPARATOR}\nMSG: a/E\n", "too many fields for its bytes"),
+        ("uint8 x\nuint16 x\n", "conflicting"),
+        ("float64 x\n" * 60_000, "bytes long|longer than"),
+        ("uint8[ x", "cannot be parsed"),
+        ("b/Unknown x", "lacks b/msg/Unknown"),
+        ("string x\nuint8 y", "not a a/msg/X"),
+    ],
+)
+def test_definitions_made_to_harm(tmp_path, definition, says):
+    path = with_definition(tmp_path / "x.mcap", "a/msg/X", definition, b"\xff" * 64)
+    with deadline(20.0):
+        try:
+            [topic] = open_log(path).topics()
+            field = (*topic.fields, "x")[0]
+            with pytest.raises(UsageError, match=says):
+                open_log(path).series({"/x": [field]})
+        except UsageError as error:
+            assert says.split("|")[1] in str(error)  # the file may be refused as a whole
+    outcomes = Outcomes()
+    watch(path, "definition", outcomes)
+    assert not outcomes.faults
+
+
+def test_a_definition_cannot_run_code(tmp_path):
+    ran = tmp_path / "ran"
+    code = f"a/msg/X:\n  import pathlib; pathlib.Path({str(ran)!r}).touch()\nclass b/msg/Y"
+    for name in (code, "a/msg/X'''", "__import__('os')/msg/X"):
+        path = with_definition(tmp_path / "x.mcap", name, "uint8 x")
         outcomes = Outcomes()
-        watch(path, name, outcomes)
+        watch(path, "code", outcomes)
         assert not outcomes.faults
+    assert not ran.exists()
+
+
+def test_definitions_that_take_long_to_parse(tmp_path):
+    for blank in ("\n" * 200_000, " # x\n" * 50_000, "\t\n" * 100_000):
+        path = with_definition(tmp_path / "x.mcap", "a/msg/X", blank + "uint8 y", b"\x07")
+        with deadline(5.0):
+            assert open_log(path).series({"/x": ["y"]})["/x"].fields["y"].tolist() == [7.0] * 3
+
+
+def metadata(folder, change):
+    path = write_bag(
+        folder / "bag", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 1.0})])}
+    )
+    table = yaml.safe_load((path / "metadata.yaml").read_text())
+    change(table["rosbag2_bagfile_information"])
+    (path / "metadata.yaml").write_text(yaml.safe_dump(table))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda t: t.update(relative_file_paths=["../../etc/passwd"]), "outside the bag's folder"),
+        (lambda t: t.update(relative_file_paths=["/etc/passwd"]), "outside the bag's folder"),
+        (lambda t: t.update(relative_file_paths=["other.db3"]), "does not exist"),
+        (lambda t: t.update(relative_file_paths="bag.db3"), "relative_file_paths"),
+        (lambda t: t.pop("relative_file_paths"), "relative_file_paths"),
+        (lambda t: t.pop("topics_with_message_count"), "topics_with_message_count"),
+        (lambda t: t.update(topics_with_message_count=[3]), "topics_with_message_count"),
+        (lambda t: t.update(version=99), "version is 99"),
+        (lambda t: t.update(compression_mode="file", compression_format="gzip"), "compression file in gzip"),
+        (
+            lambda t: t["topics_with_message_count"][0].update(message_count=7),
+            "announces 7 messages, 1 are there",
+        ),
+    ],
+)
+def test_metadata_that_lies(tmp_path, change, says):
+    assert says in refused(metadata(tmp_path, change))
+
+
+def test_metadata_that_swells(tmp_path):
+    path = metadata(tmp_path, lambda _: None)
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    (path / "metadata.yaml").write_text("\n".join(lines))
+    refused(path)
+    (path / "metadata.yaml").write_text("[" * 1000)
+    refused(path)
+    (path / "metadata.yaml").unlink()
+    assert "no metadata.yaml" in refused(path)
+    assert open_log(path, salvage=True).series({"/u": ["data"]})["/u"].fields["data"].tolist() == [1.0]
+
+
+def test_a_database_that_is_no_bag_or_a_trap(tmp_path):
+    views = (
+        "CREATE VIEW topics AS SELECT 1 AS id, '/u' AS name, 'std_msgs/msg/Float32' AS type, 'cdr' AS serialization_format",
+        "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c) "
+        "SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(1000000) AS data FROM c",
+    )
+    for name, statements in (("other", ("CREATE TABLE x(y)",)), ("views", views)):
+        base = sqlite3.connect(tmp_path / f"{name}.db3")
+        for statement in statements:
+            base.execute(statement)
+        base.commit()
+        base.close()
+        assert "not a ROS 2 bag" in refused(tmp_path / f"{name}.db3")
+
+
+def test_a_write_ahead_log_is_not_forgotten(tmp_path):
+    path = write_bag(tmp_path / "bag", "sqlite3", drive(0.2))
+    (path / "bag.db3-wal").write_bytes(b"x" * 100)
+    assert "bag.db3-wal" in refused(path)
+
+
+def test_an_unknown_ending_is_told_the_known_ones(tmp_path):
+    (tmp_path / "log.xlsx").write_bytes(b"PK")
+    assert ".mcap" in refused(tmp_path / "log.xlsx")

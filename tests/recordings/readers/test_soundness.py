@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bags import drive, write_bag
-from by_hand import UNICYCLE, Drive, imported, pose_series, series
+from by_hand import UNICYCLE, Drive, imported, series
 
 from gpsim.errors import UsageError
 from gpsim.recordings import find_bad_rows, open_log, parse_mapping
@@ -70,26 +70,6 @@ def test_a_stamp_far_from_its_arrival_is_damage_and_a_stamp_never_set_is_none():
     assert not find_bad_rows("log", replace(pose, header=T - 1.7e9), PLAN)
 
 
-def test_missing_cells_are_no_damage():
-    values = T.copy()
-    values[[3, 4]] = np.nan
-    table = replace(series("/cmd", T, v=values, w=T), absent={"v": 2})
-    assert not find_bad_rows("log", table, PLAN)
-
-
-def test_flipped_exponents_in_the_file_are_found(tmp_path):
-    """Bytes that decode to another number: of the flips in the top byte of a coordinate nearly all are seen."""
-    path = write_bag(tmp_path / "drive.bag", "ros1", {"/pose": drive(4.0)["/pose"]}, chunk=1 << 20)
-    whole, wanted, seen = path.read_bytes(), {"/pose": ["pose.position.y"]}, 0
-    truth = open_log(path).series(wanted)["/pose"].fields["pose.position.y"]
-    for row in range(20, 180, 4):
-        spot = whole.index(np.float64(truth[row]).tobytes()) + 7
-        path.write_bytes(whole[:spot] + bytes([whole[spot] ^ (1 << row // 4 % 7)]) + whole[spot + 1 :])
-        found = find_bad_rows("log", open_log(path).series(wanted)["/pose"], PLAN, salvage=True)
-        seen += any(row in rows for rows in found.values())
-    assert seen >= 36  # of 40
-
-
 def test_rotations_and_angles_that_come_round_are_sound():
     """A driver that keeps w positive flips all parts where the yaw passes half a turn, back and forth under noise."""
     rng = np.random.default_rng(0)
@@ -118,25 +98,6 @@ def test_clocks_of_another_pace_or_unit_are_sound():
     assert not find_bad_rows("log", ticks, plan)
     with pytest.raises(UsageError, match="magnitude"):
         find_bad_rows("log", ticks, PLAN)
-
-
-def test_max_rate_looks_at_angles_of_quaternions_the_short_way_round():
-    plan = parse_mapping({**UNICYCLE, "checks": {"max_rate": {"yaw": 3.0}}})
-    t = np.arange(0, 10, 0.01)
-    yaw = Drive().w * t  # passes pi, and the quaternions change their signs
-    assert not find_bad_rows("log", pose_series(t, t, t, yaw, t), plan)
-    yaw[50] += 0.2
-    found = find_bad_rows("log", pose_series(t, t, t, yaw, t), plan, salvage=True)
-    assert found["faster than checks.max_rate"].tolist() == [50]
-
-
-def test_max_rate_looks_at_what_a_sparse_column_holds():
-    values = np.where(np.arange(200) % 2 == 0, 0.1 * T, np.nan)
-    values[50] = 9.0
-    _, plan = position(T, checks={"max_rate": {"q": 3.0}})
-    table = replace(series("/q", T, position__0=values), absent={"position.0": 100})
-    with pytest.raises(UsageError, match="row 50"):
-        find_bad_rows("log", table, plan)
 
 
 TURNING = {
@@ -182,13 +143,6 @@ def test_said_to_wrap_it_is_taken_the_short_way_round():
 def test_where_no_value_lies_across_it_is_a_warning(angle, rate):
     _, report = imported(table(angle), TURNING, rate=rate)
     assert [line for line in report.warnings if "nearly a turn" in line]
-
-
-@pytest.mark.parametrize("unit", ["rad", "m"])
-def test_what_does_not_wrap_is_left_alone(unit):
-    state = {"theta": {"field": "a", "unit": unit}}
-    values = WRAPPED if unit == "m" else 3.0 * np.sin(2.0 * LONG)
-    assert not imported(table(values), TURNING, state=state)[1].warnings
 
 
 def test_a_reset_between_two_episodes_is_no_step():

@@ -1,17 +1,15 @@
 """One topic that cannot be read is listed with its reason; only who asks for it is refused."""
 
 import sqlite3
+from io import BytesIO
 
 import numpy as np
 import pytest
-import yaml
 from bags import EPOCH, KINDS, Messages, called, drive, write_bag
+from mcap.reader import make_reader
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers import open_log
-from gpsim.recordings.readers.bag1 import Bag1
-from gpsim.recordings.readers.damage import Ledger
-from gpsim.recordings.readers.mcap import Mcap
+from gpsim.recordings import open_log
 from gpsim.stages.import_log import read_logs
 from gpsim.stages.raw_logs import inspect_source
 
@@ -42,15 +40,6 @@ def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path, k
     assert series.fields["groups[name=Default].parameters.1.level"].tolist() == [4.0]
 
 
-def test_names_that_no_selection_can_ask_for_are_counted(tmp_path):
-    """Elements called `a,b` or `a]b` are found by their place."""
-    bag = write_bag(tmp_path / "a.bag", "ros1", {DESCRIPTIONS: describing("a,b", "c]d", " e")})
-    fields = topics_of(bag)[DESCRIPTIONS].fields
-    assert {"groups.0.parameters.1.level", "groups.2.id"} <= set(fields)
-    assert not any("[" in field for field in fields)
-    assert open_log(bag).series({DESCRIPTIONS: fields})[DESCRIPTIONS].fields["groups.2.id"].tolist() == [2.0]
-
-
 def spoiled(path, old, new):
     data = path.read_bytes()
     assert old in data
@@ -77,15 +66,13 @@ def small(folder, kind, rows=40):
         ("ros1", b"type=sensor_msgs/Joy", b"type=sensor_msgs.Joy", "is not a message type"),
         ("ros1", b"float32[] axes", b"float32[] ax\xffs", "is not text"),
         ("ros1", b"float32[] axes", b"gloat32[] axes", "lacks"),
-        ("mcap", b"/bad", b"/b\nd", "its name holds a line break"),
-        ("mcap", b"float32[] axes", b"float32[] ax\xffs", "is not text"),
-        ("mcap", b"sensor_msgs/msg/Joy", b"sensor_msgs msg Joy", "is not a message type name"),
+        ("mcap-unchecked", b"/bad", b"/b\nd", "its name holds a line break"),
+        ("mcap-unchecked", b"float32[] axes", b"float32[] ax\xffs", "is not text"),
+        ("mcap-unchecked", b"sensor_msgs/msg/Joy", b"sensor_msgs msg Joy", "is not a message type name"),
     ],
 )
 def test_a_topic_that_cannot_be_laid_out_harms_no_other(tmp_path, kind, old, new, why):
     bag = spoiled(small(tmp_path, kind), old, new)
-    if kind == "mcap":
-        unchecked(bag)
     log = open_log(bag)
     good, bad = sorted(log.topics(), key=lambda topic: topic.name != "/good")
     assert (good.fault, good.count) == ("", 40)
@@ -97,19 +84,6 @@ def test_a_topic_that_cannot_be_laid_out_harms_no_other(tmp_path, kind, old, new
     with pytest.raises(UsageError, match=r"copy the file again") as caught:
         log.series({bad.name: ["axes.0"]})
     assert "\n" not in str(caught.value)
-
-
-def unchecked(path):
-    """Take the checksums of an MCAP file away, as writers may: those of the summary and of every chunk."""
-    data = bytearray(path.read_bytes())
-    data[-12:-8] = bytes(4)
-    position = 8
-    while position < len(data) - 8:
-        size = int.from_bytes(data[position + 1 : position + 9], "little")
-        if data[position] == 6:
-            data[position + 9 + 24 : position + 9 + 28] = bytes(4)
-        position += 9 + size
-    path.write_bytes(data)
 
 
 @pytest.mark.parametrize("what", ["type", "serialization_format", "name"])
@@ -127,50 +101,6 @@ def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path, what):
         assert open_log(path).series({"/good": ["data"]})["/good"].read == 3
 
 
-def recounted(folder, topic, count):
-    """A bag with 3 messages on /good and on /bad whose metadata.yaml says another number of them on a topic."""
-    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
-    topics = {name: Messages("std_msgs/msg/Float64", rows) for name in ("/good", STRANGE)}
-    bag = write_bag(folder / "a", "sqlite3", topics)
-    table = yaml.safe_load((bag / "metadata.yaml").read_text())
-    entries = table["rosbag2_bagfile_information"]["topics_with_message_count"]
-    entry = next((e for e in entries if e["topic_metadata"]["name"] == topic), None)
-    if entry is None:
-        entries.append(
-            {"topic_metadata": {**entries[0]["topic_metadata"], "name": topic}, "message_count": count}
-        )
-    else:
-        entry["message_count"] = count
-    (bag / "metadata.yaml").write_text(yaml.safe_dump(table))
-    return bag
-
-
-def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path):
-    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
-    bag = write_bag(
-        tmp_path / "a", "sqlite3", {n: Messages("std_msgs/msg/Float64", rows) for n in ("/good", STRANGE)}
-    )
-    (file,) = bag.glob("*.db3")
-    with sqlite3.connect(file) as base:
-        base.execute(
-            "UPDATE messages SET data = x'00' WHERE topic_id = (SELECT id FROM topics WHERE name = '/bad')"
-        )
-    found = inspect_source(bag)
-    assert list(found.paces) == ["/good"]
-    assert "not a std_msgs/msg/Float64" in found.faults[STRANGE]
-    assert inspect_source(bag, salvage=True).faults == {}
-
-
-@pytest.mark.parametrize(("topic", "count"), [(STRANGE, 2), (STRANGE, 7), ("/lost", 5)])
-def test_messages_that_metadata_count_wrongly_concern_their_topic(tmp_path, topic, count):
-    bag = recounted(tmp_path, topic, count)
-    found = inspect_source(bag)
-    assert set(found.paces) == {"/good", STRANGE} - {topic}
-    assert f"announces {count}" in found.faults[topic]
-    with pytest.raises(UsageError, match=f"announces {count}"):
-        open_log(bag).series({topic: ["data"]})
-
-
 @pytest.mark.parametrize("kind", ["ros1-lz4", "mcap-lz4"])
 def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path, kind):
     """A chunk with messages of one topic only is cut out of the middle of the file."""
@@ -181,10 +111,10 @@ def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path
         "/late": Messages("std_msgs/msg/Float64", late),
     }
     bag = write_bag(tmp_path / called(kind), kind, topics, chunk=2000)
-    container = Bag1(bag) if kind.startswith("ros1") else Mcap(bag)
-    late_one = next(s.id for s in container.streams(Ledger(bag, salvage=False)) if s.topic == "/late")
-    start = 150 + [place for place, held in container._held.items() if held == {late_one}][2]
     data = bytearray(bag.read_bytes())
+    start = 3 * len(data) // 4  # in a chunk behind the messages of /early
+    if kind.startswith("mcap"):
+        start = make_reader(BytesIO(data)).get_summary().chunk_indexes[-3].chunk_start_offset + 100
     data[start : start + 40] = bytes(b ^ 0x5A for b in data[start : start + 40])
     bag.write_bytes(data)
     found = inspect_source(bag)
