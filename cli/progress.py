@@ -16,8 +16,7 @@ from rich.text import Text
 
 from gpsim.reports.sheets import literal, printable
 
-from .answers import warned
-from .everywhere import QUIET
+from .answers import QUIET, warned
 
 Shares = Sequence[tuple[float, float]]
 """(share of the steps that are done, share of the time that has usually gone by then), ascending, from 0 to 1."""
@@ -123,6 +122,7 @@ class Board:
         self._tasks: dict[str, TaskID] = {}
         self._paces: dict[str, Pace] = {}
         self._spoken: dict[str, float] = {}
+        self.finished: list[dict[str, object]] = []
 
     def __enter__(self) -> Board:
         if self._live:
@@ -180,6 +180,11 @@ class Board:
         mark = Text("kept", "dim") if existed else Text("made", "green")
         self.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
         warn(artifact.path)
+        self.keep(job, artifact, existed)
+
+    def keep(self, job: str, artifact: Artifact, existed: bool) -> None:
+        """For the answer."""
+        self.finished.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
     def failed(self, job: str, why: str) -> None:
         """Job `job` ended without one."""

@@ -11,9 +11,7 @@ import typer
 from gpsim.errors import UsageError
 
 from . import completion
-from .answers import NAME as AS_JSON
 from .answers import answer, console, say, say_all
-from .everywhere import QUIET_NAME
 from .options import CORES, KEPT, Jobs, LauncherWords, launcher_from_words, spread
 from .progress import single_progress
 
@@ -168,7 +166,7 @@ def _launcher(context: typer.Context, jobs: int) -> Launcher:
 
 def _refuse_options(context: typer.Context, step: str) -> None:
     """What stands before a step would be ignored."""
-    for option in (option for option in context.command.params if option.name not in (QUIET_NAME, AS_JSON)):
+    for option in (option for option in context.command.params if option.name not in ("quiet", "as_json")):
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(

@@ -65,10 +65,7 @@ def list_command(
     from gpsim.stages.runs import list_runs
 
     found = list_runs(runs_dir, experiment, stage, verify)
-    printer = console()
-    if not printer.is_terminal:
-        printer = console(width=WIDTH)
-    printer.print(terminal_table(listing_sheet(found), {}))
+    console(width=WIDTH).print(terminal_table(listing_sheet(found), {}))
     say_all(listing_lines(found))
     answer({"runs": runs_dir}, listing=asdict(found) | {"bytes": found.bytes})
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gpsim.errors import UsageError
-from gpsim.launchers import Launcher, Update
+from gpsim.launchers import Launcher
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, building, certify, collect, evaluate, train_source
 from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.jobs import Finished, Job, run_jobs
+from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.stage import Request, blamed
 from gpsim.stages.train_gp_policy import DIAGNOSED, TRAINED_BY, effects_plant, needs_diagnosis, policy_names
 from gpsim.stages.train_source import settings_for
@@ -65,32 +67,31 @@ def _check(request: Request) -> None:
 
 def _plan_seed(request: Request, seed: int) -> list[Job]:
     """What is given, `recording=` or `diagnosis=`, is not made."""
-    source = Job(f"Source · seed {seed}", "train-source", request.having(variant="source"))
-    driver = (source.label,) if collect.waits_for_policy(request) else ()
-    collected = Job(f"collect · seed {seed}", "collect", request, driver)
-    recorded = [collected] if request.config["recording"] is None else []
-    behind = tuple(job.label for job in recorded)
-    residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, behind)
-    fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
-    found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
-    diagnosed = [found] if needs_diagnosis(request) and request.config["diagnosis"] is None else []
+
+    def job(name: str, after: Sequence[Job] = (), stage: str = "", **settings: str) -> Job:
+        asked = request.having(**settings) if settings else request
+        return Job(f"{name} · seed {seed}", stage or name, asked, tuple(other.label for other in after))
+
+    source = job("Source", (), "train-source", variant="source")
+    driver = [source] if collect.waits_for_policy(request) else []
+    recorded = [job("collect", driver)] if request.config["recording"] is None else []
+    residuals = job("build-residuals", recorded)
+    fit = job("fit-gp", [residuals])
+    diagnosed = []
+    if needs_diagnosis(request) and request.config["diagnosis"] is None:
+        diagnosed = [job("diagnose", recorded)]
     # What waits for no policy goes first: logs that cannot be read are found at once.
     jobs = [source, *recorded] if driver else [*recorded, source]
     jobs += [residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
-        after: tuple[str, ...] = (fit.label,) if stage.name == "train-gp-policy" else ()
-        if name in DIAGNOSED:
-            after = tuple(job.label for job in diagnosed)
-        job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
+        by_gp = [fit] if stage.name == "train-gp-policy" else []
         if name != "Source":
-            jobs.append(job)
+            jobs.append(job(name, diagnosed if name in DIAGNOSED else by_gp, stage.name, **settings))
     return jobs
 
 
-def run(
-    request: Request, seeds: tuple[int, ...], launcher: Launcher, update: Update, finished: Finished
-) -> None:
+def run(request: Request, seeds: tuple[int, ...], launcher: Launcher, told: Told) -> None:
     """Make everything the report needs; what exists with the same configuration and parents is kept."""
     with blamed(request.config["simulator"]["name"]):
-        run_jobs(plan(request, seeds), launcher, update, finished)
+        run_jobs(plan(request, seeds), launcher, told)

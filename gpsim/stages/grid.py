@@ -13,18 +13,20 @@ import pandas as pd
 from gpsim.artifacts import Artifact, Recipe, listed_once
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical
-from gpsim.launchers import Launcher, Update
+from gpsim.launchers import Launcher
 from gpsim.reports.sweep_page import sweep_page
 from gpsim.runs import figures_of
 from gpsim.settings import choice
 from gpsim.stages import full_loop
-from gpsim.stages.jobs import Failed, Finished, Job, gathered
+from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.registry import STAGES
 from gpsim.stages.stage import Request, stage_about
 
 STAGE_NAME, FORMAT = "sweep", 1
 CSV, PARQUET, PAGE = "sweep.csv", "sweep.parquet", "report.html"
 TRAININGS = ("train-source", "train-gp-policy")
+DECIDING = {"diagnose": ("simulator", "diagnose", "residuals", "collect", "recording", "seed")}
+"""Of a stage whose recipe reads a file of a parent, the settings that it reads beside that."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,10 @@ class Point:
         return " ".join(f"{key}={value}" for key, value in self.swept.items()) or "as configured"
 
 
+Row = tuple[Point, Artifact | None, str | None]
+"""A point, what was made of it, and why nothing was."""
+
+
 @dataclass(frozen=True)
 class Grid:
     """A sweep's jobs, each once however many points rest on it, and which of them is each point's own."""
@@ -53,49 +59,38 @@ class Grid:
 def grid_of(points: Sequence[Point], of: str = "evaluate") -> Grid:
     """The jobs that make stage `of` for every point, with all that it rests on; raises UsageError."""
     choice(of, tuple(STAGES), "sweep --of")
-    with listed_once():
-        return _grid(points, of)
-
-
-def _grid(points: Sequence[Point], of: str) -> Grid:
     labels: dict[str, str] = {}
     jobs: list[Job] = []
     targets: list[str] = []
-    for point in points:
-        plan, target = _plan(point.request, of)
-        ids: dict[str, str] = {}
-        for job in plan:
-            ids[job.label] = name = _identity(job, ids)
-            if name not in labels:
-                labels[name] = f"{job.label.split(' · ')[0]} · {point.name}"
-                after = tuple(labels[ids[label]] for label in job.after if label in ids)
-                jobs.append(replace(job, label=labels[name], after=after))
-        targets.append(labels[ids[target]])
+    with listed_once():
+        for point in points:
+            ids: dict[str, str] = {}
+            for job in _plan(point.request, of):
+                ids[job.label] = name = _identity(job, ids)
+                if name not in labels:
+                    labels[name] = f"{job.label.split(' · ')[0]} · {point.name}"
+                    after = tuple(labels[ids[label]] for label in job.after if label in ids)
+                    jobs.append(replace(job, label=labels[name], after=after))
+            targets.append(labels[name])
     return Grid(of, tuple(points), tuple(jobs), tuple(targets))
 
 
-def run(
-    grid: Grid, launcher: Launcher, update: Update, finished: Finished, failed: Failed
-) -> tuple[Artifact, int]:
+def run(grid: Grid, launcher: Launcher, told: Told) -> tuple[Artifact, int]:
     """Make all of it, then the table and the page; that artifact, and how many points are missing in it.
 
     A point that fails stops no other. Raises UsageError where none is made.
     """
-    made, errors = gathered(grid.jobs, launcher, update, finished, failed)
+    made, errors = run_jobs(grid.jobs, launcher, told, keep_going=True)
     if not any(label in made for label in grid.targets):
         raise UsageError(f"sweep: no point could be made; the first: {next(iter(errors.values()))}")
-    rows = [
-        (p, made.get(label), errors.get(label)) for p, label in zip(grid.points, grid.targets, strict=True)
-    ]
+    points = zip(grid.points, grid.targets, strict=True)
+    rows = [(point, made.get(label), errors.get(label)) for point, label in points]
     stage = stage_about(STAGE_NAME, _recipe, _write, grid.of, rows, format=FORMAT)
     artifact, _ = stage.make(replace(grid.points[0].request, out=None))
     return artifact, sum(found is None for _, found, _ in rows)
 
 
-Rows = Sequence[tuple[Point, Artifact | None, str | None]]
-
-
-def _plan(request: Request, of: str) -> tuple[list[Job], str]:
+def _plan(request: Request, of: str) -> list[Job]:
     """The jobs of the loop on which a stage rests, in their order, that of the stage itself last."""
     plan = full_loop.plan(request, (request.seed,))
     by_label = {job.label: job for job in plan}
@@ -108,13 +103,13 @@ def _plan(request: Request, of: str) -> tuple[list[Job], str]:
         if not found:
             raise UsageError(f"sweep --of {of}: the loop has no such job with these settings")
         target = found[-1]
-    wanted, ahead = {target.label}, [target.label]
+    wanted, ahead = set[str](), [target.label]
     while ahead:
-        for label in by_label[ahead.pop()].after:
-            if label not in wanted:
-                wanted.add(label)
-                ahead.append(label)
-    return [job for label, job in by_label.items() if label in wanted], target.label
+        label = ahead.pop()
+        if label not in wanted:
+            wanted.add(label)
+            ahead += by_label[label].after
+    return [*(job for label, job in by_label.items() if label in wanted - {target.label}), target]
 
 
 def _identity(job: Job, ids: Mapping[str, str]) -> str:
@@ -133,11 +128,7 @@ def _identity(job: Job, ids: Mapping[str, str]) -> str:
     return hashlib.sha256(canonical([*where, own, *behind])).hexdigest()
 
 
-DECIDING = {"diagnose": ("simulator", "diagnose", "residuals", "collect", "recording", "seed")}
-"""Of a stage whose recipe reads a file of a parent, the settings that it reads beside that."""
-
-
-def _recipe(request: Request, of: str, rows: Rows) -> Recipe:
+def _recipe(request: Request, of: str, rows: Sequence[Row]) -> Recipe:
     """What was found is known by its digests. It is no parent: a table of ten thousand would hold as many open."""
     points = [
         {"settings": dict(point.swept), "made": found.digest if found else None, "error": error}
@@ -147,16 +138,16 @@ def _recipe(request: Request, of: str, rows: Rows) -> Recipe:
     return Recipe(STAGE_NAME, {"of": of, "points": points}, {}, {"seeds": seeds})
 
 
-def _write(request: Request, folder: Path, of: str, rows: Rows) -> Json:
+def _write(request: Request, folder: Path, of: str, rows: Sequence[Row]) -> Json:
     table = table_of(rows)
     table.to_csv(folder / CSV, index=False, lineterminator="\n")
     table.to_parquet(folder / PARQUET, index=False)
-    swept = list(rows[0][0].swept)
-    (folder / PAGE).write_text(sweep_page(of, swept, table), encoding="utf-8")
+    page = sweep_page(of, list(rows[0][0].swept), table)
+    (folder / PAGE).write_text(page, encoding="utf-8")
     return {"points": [None if found is None else str(found.path) for _, found, _ in rows]}
 
 
-def table_of(rows: Rows) -> pd.DataFrame:
+def table_of(rows: Sequence[Row]) -> pd.DataFrame:
     """A row a point: the settings that vary, all figures of what was made, its version, and why there is none."""
     found = []
     for point, artifact, error in rows:

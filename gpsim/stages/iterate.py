@@ -20,13 +20,13 @@ from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import episode_returns, one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.launchers import Launcher, Update
+from gpsim.launchers import Launcher
 from gpsim.recordings import Episode, read_recording, write_recording
 from gpsim.settings import positive
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals, building, certify, collect, safety, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, recording_of, target_plant
-from gpsim.stages.jobs import Finished, Job, run_jobs
+from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator, stage_about
 from gpsim.tasks import Start
@@ -75,12 +75,12 @@ def check(request: Request) -> int:
     return rounds
 
 
-def run(request: Request, launcher: Launcher, update: Update, finished: Finished) -> Artifact:
+def run(request: Request, launcher: Launcher, told: Told) -> Artifact:
     """Go on until a round gains no more than its standard error, or all rounds are done; the summary."""
     rounds = check(request)
 
     def made(label: str, stage: str, of: Request, made_by: Callable[[], Stage] | None = None) -> Artifact:
-        return run_jobs([Job(label, stage, of, (), made_by)], launcher, update, finished)[label]
+        return run_jobs([Job(label, stage, of, (), made_by)], launcher, told)[0][label]
 
     policy = made("policy 0", "train-source", request.having(variant="source"))
     best, kept, done = policy, _trial(request, policy), []
@@ -102,7 +102,7 @@ def run(request: Request, launcher: Launcher, update: Update, finished: Finished
         )
         asked = request.having(recording=str(recording.path))
         jobs = _refit(asked, turn)
-        policy = run_jobs(jobs, launcher, update, finished)[jobs[-1].label]
+        policy = run_jobs(jobs, launcher, told)[0][jobs[-1].label]
         known = safety.predictor(jobs[-1].request)
         parents[f"policy-{turn + 1}"] = policy
         earned = _trial(request, policy)

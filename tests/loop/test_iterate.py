@@ -1,6 +1,7 @@
 """run iterate: rounds that build on each other, stop by their rule, and go on where they were cut off."""
 
 import json
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -23,11 +24,9 @@ def request(tmp_path, *words):
 
 
 def run(asked):
-    said: list[tuple[str, bool]] = []
-    artifact = iterate.run(
-        asked, Local(0), lambda *_: None, lambda what, made, existed: said.append((what, existed))
-    )
-    return artifact, said
+    told = Mock()
+    artifact = iterate.run(asked, Local(0), told)
+    return artifact, [(job, existed) for job, _, existed in (call.args for call in told.made.mock_calls)]
 
 
 @pytest.fixture
