@@ -24,7 +24,7 @@ CONF = files("gpsim.conf")
 def words(ctx: typer.Context, incomplete: str) -> list[str]:
     """`key=value` words of a command: groups with their choices, keys, experiments, families, recordings."""
     found = _behind_equals(ctx, incomplete)
-    return found if found is not None else _begin([f"{name}=" for name in (*groups(), *_keys())], incomplete)
+    return found if found is not None else _begin([f"{name}=" for name in (*groups(), *keys())], incomplete)
 
 
 def diagnose_words(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -32,7 +32,7 @@ def diagnose_words(ctx: typer.Context, incomplete: str) -> list[str]:
     if (found := _behind_equals(ctx, incomplete)) is not None:
         return found
     top = ("seed", "experiment", "runs_dir")
-    named = [f"{key}=" for key in (*top, *_keys()) if key in top or key.startswith("diagnose.")]
+    named = [f"{key}=" for key in (*top, *keys()) if key in top or key.startswith("diagnose.")]
     return [*recordings(incomplete), *_begin([*named, *OF_A_LOG, *_channels(ctx)], incomplete)]
 
 
@@ -136,7 +136,7 @@ formats = either(lambda: ("mcap", "csv", "parquet"))
 strata = either(lambda: ("single", "pair", "triple", "none", "unknown"))
 
 
-def _keys() -> list[str]:
+def keys() -> list[str]:
     """Dotted keys of the configuration, of every choice of its groups."""
     import yaml  # it takes a moment that `--help` has no use for
 

@@ -69,6 +69,13 @@ def number(value: Any, where: str) -> float:
     return float(value)
 
 
+def share(value: Any, where: str) -> float:
+    """A number of at least 0 and less than 1."""
+    if not 0.0 <= number(value, where) < 1.0:
+        raise UsageError(f"{where}: expected a number in [0, 1), got {value!r}")
+    return float(value)
+
+
 def texts(value: Any, where: str) -> list[str]:
     """A list of texts."""
     if not isinstance(value, list | tuple) or not all(isinstance(item, str) for item in value):
@@ -92,13 +99,11 @@ def _checked(value: Any, hint: Any, where: str) -> Any:
     if origin is typing.Literal:
         return choice(value, arguments, where)
     if hint is bool:
-        return _expect(value, isinstance(value, bool), "true or false", where)
+        return truth(value, where)
     if hint is int:
         return _expect(value, isinstance(value, int) and not isinstance(value, bool), "a whole number", where)
     if hint is float:
-        return float(
-            _expect(value, isinstance(value, int | float) and not isinstance(value, bool), "a number", where)
-        )
+        return number(value, where)
     if hint is str:
         return _expect(value, isinstance(value, str), "a text", where)
     if origin is not None and issubclass(origin, Mapping):

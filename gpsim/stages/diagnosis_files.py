@@ -56,20 +56,22 @@ def where_effects_go(plant: EffectsPlant, effects: Iterable[NamedEffect]) -> lis
 
 
 def sentences(effects: Iterable[NamedEffect]) -> dict[tuple[str, str], str]:
-    """Of each effect, by family and place, its numbers and their intervals."""
-    return {(effect.family, effect.place): said_of(effect) for effect in effects}
+    """Of each effect, by family and place, its numbers and their intervals, for a comment."""
+    said = {}
+    for effect in effects:
+        numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
+        said[effect.family, effect.place] = f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
+    return said
 
 
 def moved_sentences(found: Kinematics | None) -> dict[Place, str]:
     """Of each number of the robot's geometry that is off its size and interval, for a comment."""
-    told = [f for f in found.found if f.model] if found is not None else []
-    return {
-        Place(f.place.kind, f.place.on, f.place.axis, f.size.unit): (
-            f"{place_name(f.place)} is off by {_estimate(f.size)}"
-        )
-        for f in told
-        if f.place.kind != "delay"
-    }
+    said = {}
+    for f in found.found if found is not None else ():
+        if f.model and f.place.kind != "delay":
+            place = Place(f.place.kind, f.place.on, f.place.axis, f.size.unit)
+            said[place] = f"{place_name(f.place)} is off by {_estimate(f.size)}"
+    return said
 
 
 def went(effect: Mapping[str, Any]) -> str:
@@ -79,12 +81,6 @@ def went(effect: Mapping[str, Any]) -> str:
         there += "; wrapper"
     reason = f" ({effect['why']})" if effect["why"] else ""
     return f"{effect['said']} -> {'left out' if effect['where'] == 'left out' else there}{reason}"
-
-
-def said_of(effect: NamedEffect) -> str:
-    """An effect with its numbers and their intervals, for a comment."""
-    numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
-    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
 
 
 def _estimate(estimate: Estimate) -> str:
@@ -113,7 +109,8 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         write_json(folder / POSTERIOR, left_open_data(posterior_of(found)))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
-        write_process(folder, found)
+        if (corrected := found.comparison.corrected) is not None:
+            write_gp(folder, corrected.learnt.predictor, corrected.learnt.features)
     if len(mishaps.lines) > before:
         for half in set(folder.iterdir()) - there:
             half.unlink()
@@ -140,13 +137,6 @@ def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator:
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
 
 
-def write_process(folder: Path, found: Outcome) -> None:
-    """The Gaussian process on the remainder, where there is one."""
-    if found.comparison.corrected is not None:
-        learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features)
-
-
 def read_trace(folder: Path) -> list[Decision]:
     """The decisions of a finished diagnosis; none of one by an earlier version."""
     path = folder / TRACE
@@ -168,17 +158,17 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     shown: Traces | None = None
     past: Course | None = None
     answered: Response | None = None
-    with mishaps.contained("figure traces is left out"):
-        shown = traces(found.question, leader, horizon)
-    with mishaps.contained("figure residual_time is left out"):
-        past = course(found.question, leader)
-    with mishaps.contained("figure frequency_response is left out"):
-        answered = frequency(found.question, leader)
     pictures: dict[str, Picture] = {}
 
     def contained(name: str) -> AbstractContextManager[None]:
         return mishaps.contained(f"figure {name} is left out")
 
+    with contained("traces"):
+        shown = traces(found.question, leader, horizon)
+    with contained("residual_time"):
+        past = course(found.question, leader)
+    with contained("frequency_response"):
+        answered = frequency(found.question, leader)
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained, answered)

@@ -18,9 +18,9 @@ from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
 from gpsim.policies.export import to_onnx
 from gpsim.policies.ros_node import ros_node
-from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
+from gpsim.recordings import Predictions, Recording, read_recording, write_mcap, write_table
 from gpsim.settings import build
-from gpsim.simulators import SIMULATORS, Integrator, Simulator
+from gpsim.simulators import SIMULATORS, Integrator
 from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 from gpsim.stages.diagnosis_files import correction_of, moved_sentences, sentences, went
@@ -162,32 +162,27 @@ def predict(recording: Recording) -> tuple[Predictions, list[str]]:
     if names != (simulator.state.names, simulator.action.names):
         return {}, [f"measured channels only: not the channels of the simulator {recording.system}"]
     parameters = simulator.defaults(recording.parameters)
-    pairs = [_predicted(simulator, parameters, recording, episode) for episode in recording.episodes]
-    notes = [
+    integrator, wraps = cast(Integrator, recording.integrator), recording.state.wraps
+    found: dict[str, list[FloatArray]] = {"simulated": [], "open_loop": []}
+    for episode in recording.episodes:
+        dt = np.diff(episode.t)
+        one_step = np.full_like(episode.states, np.nan)  # (K + 1, S), of which the first row is unknown
+        run = np.full_like(episode.states, np.nan)
+        run[0] = episode.states[0]
+        with np.errstate(all="ignore"):  # an open loop may run away; what is not finite is left out
+            if len(episode):
+                one_step[1:] = simulator.step(
+                    episode.states[:-1], episode.actions, parameters, dt, integrator
+                )
+            for k in range(len(episode)):
+                row = slice(k, k + 1)
+                run[k + 1] = simulator.step(run[row], episode.actions[row], parameters, dt[row], integrator)
+        for name, states in (("simulated", one_step), ("open_loop", run)):
+            states[:, wraps] = wrap_angle(states[:, wraps])
+            found[name].append(states)
+    return found, [
         "simulated: the base simulator, one step from the measured state; open_loop: from the first state on"
     ]
-    return {"simulated": [one for one, _ in pairs], "open_loop": [run for _, run in pairs]}, notes
-
-
-def _predicted(
-    simulator: Simulator, parameters: dict[str, float], recording: Recording, episode: Episode
-) -> tuple[FloatArray, FloatArray]:
-    """(K + 1, S) each; the first row of the one-step prediction is unknown."""
-    dt, integrator = np.diff(episode.t), cast(Integrator, recording.integrator)
-    wraps = recording.state.wraps
-    one_step = np.full_like(episode.states, np.nan)
-    run = np.full_like(episode.states, np.nan)
-    run[0] = episode.states[0]
-    with np.errstate(all="ignore"):  # an open loop may run away; what is not finite is left out
-        if len(episode):
-            one_step[1:] = simulator.step(episode.states[:-1], episode.actions, parameters, dt, integrator)
-        for k in range(len(episode)):
-            run[k + 1] = simulator.step(
-                run[k : k + 1], episode.actions[k : k + 1], parameters, dt[k : k + 1], integrator
-            )
-        for states in (one_step, run):
-            states[:, wraps] = wrap_angle(states[:, wraps])
-    return one_step, run
 
 
 def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple[Exported, list[str]]:
@@ -216,17 +211,8 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
     }
     moved = moved_sentences(found.kinematics)
     made = export_model(correction, sentences(found.effects), source, out, moved, urdf)
-    corrected = [*moved.values()]
-    return made, [
-        *_notes(made, plant.terms == () and not corrected),
-        *(f"{said} -> model" for said in corrected),
-    ]
-
-
-def _notes(made: Exported, nothing: bool) -> list[str]:
-    """What was written, and where each effect went."""
     notes = [f"{kind:<8} {path.name}" for kind, path in made.files.items()]
-    if nothing:
+    if plant.terms == () and not moved:
         notes.append("no effect stands: the model is the base")
     notes += [went(effect) for effect in made.effects]
     if made.wrapped:
@@ -235,7 +221,7 @@ def _notes(made: Exported, nothing: bool) -> list[str]:
         )
     notes += [f"not in the URDF: {line}" for line in made.lost]
     notes.append(f"read back: no number differs by more than {made.difference:.1g} of its field's largest")
-    return notes
+    return made, [*notes, *(f"{said} -> model" for said in moved.values())]
 
 
 def told(made: Exported) -> Json:

@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 
 from gpsim.artifacts import Artifact, read_artifact, read_timings
-from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.errors import UsageError
@@ -22,7 +21,7 @@ from gpsim.reports.scene import Shown
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
 from gpsim.stages.stage import blamed, new_place
-from gpsim.traces import Alongside, alongside
+from gpsim.traces import alongside
 
 NEEDS = {"mcap": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"), "rrd": ("rerun",)}
 MISSING = {
@@ -63,10 +62,9 @@ def export_diagnosis(
     settings = Settings()  # the usual ones where an earlier version had others
     with suppress(UsageError):
         settings = read_settings(artifact.manifest["config"].get("settings") or {})
+    seconds = horizon or found.fit.rollout.horizon_s
     with blamed(plant.simulator.name):
-        along = alongside(
-            opened, plant, with_gp, horizon or found.fit.rollout.horizon_s, Run(settings=settings)
-        )
+        along = alongside(opened, plant, with_gp, seconds, Run(settings=settings))
     facts = {
         "verdict": found.verdict,
         "said": account_of(found).sentence,
@@ -82,7 +80,18 @@ def export_diagnosis(
         from gpsim.reports.rerun_file import write_rerun as write
     with disk_errors(out, "--out"), written_whole(out) as made:
         count = write(shown, made)
-    return out, _notes(opened, along, found, count, body is not None, plant.simulator.name)
+    samples = sum(len(e.t) for e in opened.episodes)
+    notes = [
+        f"{count} messages: {len(opened.episodes)} episode(s), {samples} samples",
+        f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
+    ]
+    if along.every > 1:
+        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
+    if not found.effects:
+        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
+    if body is None:
+        notes.append(f"numbers only: nobody knows the shape of {plant.simulator.name}, so no body is drawn")
+    return out, notes
 
 
 def _opened(artifact: Artifact, recording: Path | None) -> Recording:
@@ -101,8 +110,7 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
     if not place.exists():
         raise UsageError(f"{place}: the recording is not there; say with --recording PATH where it lies now")
     task = diagnose.Task(place, str(config["simulator"]), config.get("episodes"))
-    there = diagnose.digests_of(task, place if place.is_dir() else place.parent)
-    if sorted(there.values()) != sorted(config["recording"].values()):
+    if sorted(diagnose.digests_of(task).values()) != sorted(config["recording"].values()):
         raise UsageError(
             f"{place}: not the recording that {artifact.path} diagnosed, or changed since; "
             "name that one with --recording PATH, or diagnose this one"
@@ -115,20 +123,3 @@ def _reach(recording: Recording) -> float:
     columns = [i for i, channel in enumerate(recording.state) if channel.unit == "m"]
     states = np.concatenate([episode.states[:, columns] for episode in recording.episodes])
     return float(np.ptp(states, axis=0).max()) or 1.0 if columns else 1.0
-
-
-def _notes(
-    recording: Recording, along: Alongside, found: Diagnosis, count: int, drawn: bool, simulator: str
-) -> list[str]:
-    samples = sum(len(e.t) for e in recording.episodes)
-    notes = [
-        f"{count} messages: {len(recording.episodes)} episode(s), {samples} samples",
-        f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
-    ]
-    if along.every > 1:
-        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
-    if not found.effects:
-        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
-    if not drawn:
-        notes.append(f"numbers only: nobody knows the shape of {simulator}, so no body is drawn")
-    return notes

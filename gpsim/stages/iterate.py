@@ -83,7 +83,7 @@ def run(request: Request, launcher: Launcher, told: Told) -> Artifact:
         return run_jobs([Job(label, stage, of, (), made_by)], launcher, told)[0][label]
 
     policy = made("policy 0", "train-source", request.having(variant="source"))
-    best, kept, done = policy, _trial(request, policy), []
+    best, kept, done = policy, trial(request, policy), []
     parents: dict[str, Artifact] = {"policy-0": policy}
     done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
     recording: Artifact | None = None
@@ -105,7 +105,7 @@ def run(request: Request, launcher: Launcher, told: Told) -> Artifact:
         policy = run_jobs(jobs, launcher, told)[0][jobs[-1].label]
         known = safety.predictor(jobs[-1].request)
         parents[f"policy-{turn + 1}"] = policy
-        earned = _trial(request, policy)
+        earned = trial(request, policy)
         difference = earned - kept  # from the same starts
         gain = float(difference.mean())
         error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
@@ -178,7 +178,7 @@ def _new(request: Request, known: Plant, recording: Artifact) -> float:
     return float((np.sqrt((left**2).mean(axis=0))[counts] / size[counts]).mean())
 
 
-def _trial(request: Request, policy: Artifact) -> FloatArray:
+def trial(request: Request, policy: Artifact) -> FloatArray:
     """(N,) returns on the target, of starts that no evaluation knows."""
     count = int(request.config["evaluate"]["episodes"])
     rng = generator(request.seed, "iterate/trial")

@@ -49,6 +49,22 @@ class Played:
     around: Around | None
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked beside the settings.
+
+    minutes: how long the plan may take; anew: somebody puts the machine back to rest before each piece; policy: a
+    finished one that steers the machine meanwhile.
+    """
+
+    minutes: float
+    anew: bool = False
+    policy: Path | None = None
+    seed: int = 0
+    progress: Progress = silent
+    processes: int = 1
+
+
 def stage_for(
     diagnoses: Sequence[Path], minutes: float, anew: bool = False, policy: Path | None = None
 ) -> Stage:
@@ -60,15 +76,7 @@ def stage_for(
 
 
 def planned(
-    posterior: LeftOpen,
-    plant: EffectsPlant,
-    section: Mapping[str, Any],
-    minutes: float,
-    rng: np.random.Generator,
-    progress: Progress | None = None,
-    processes: int = 1,
-    anew: bool = False,
-    steer: Steer | None = None,
+    posterior: LeftOpen, plant: EffectsPlant, section: Mapping[str, Any], asked: Asked
 ) -> tuple[Plan, Limits]:
     """The plan of a posterior under the settings and limits of a section; raises UsageError."""
     settings = build(PlanSettings, {k: v for k, v in section.items() if k not in STATED}, "plan")
@@ -76,17 +84,17 @@ def planned(
     limits = limits_of(stated, plant.simulator, posterior.visited, settings.margin)
     with blamed(plant.simulator.name):
         around = None
-        if steer is not None:
+        if (steer := steered_by(asked.policy, plant)) is not None:
             around = Around(steer, limits.low, limits.high, limits.rate, limits.idle, plant.dt)
-        machine = Machine(
-            plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around
-        )
-        return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
+        run, rng = Run(threads=asked.processes), generator(asked.seed, "plan")
+        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, run, around)
+        made = make_plan(machine, posterior, limits, settings, asked.minutes, rng, asked.progress, asked.anew)
+        return made, limits
 
 
-def policy_for(folder: Path, simulator: Simulator, dt: float) -> Artifact:
-    """A finished policy that can steer this simulator at this control step; raises UsageError."""
-    artifact = policy_artifact(folder)
+def policy_for(folder: Path, plant: EffectsPlant) -> Artifact:
+    """A finished policy that can steer this machine at its control step; raises UsageError."""
+    artifact, simulator, dt = policy_artifact(folder), plant.simulator, plant.dt
     config = artifact.manifest["config"]
     task = make_task(config)
     if not (task.state.same_as(simulator.state) and task.action.same_as(simulator.action)):
@@ -125,7 +133,7 @@ def steered_by(policy: Path | None, plant: EffectsPlant) -> Steer | None:
     """What a finished policy commands of this machine; raises UsageError for one that cannot."""
     if policy is None:
         return None
-    made = policy_for(policy, plant.simulator, plant.dt)
+    made = policy_for(policy, plant)
     return steering(made.path, made.manifest["config"])
 
 
@@ -180,7 +188,7 @@ def _recipe(
         f"diagnosis_{i}" if i else "diagnosis": read_artifact(d, "diagnose") for i, d in enumerate(diagnoses)
     }
     if policy is not None:
-        made["policy"] = policy_for(policy, plant.simulator, plant.dt)
+        made["policy"] = policy_for(policy, plant)
     config = {**request.section("plan"), "minutes": minutes, "anew": anew}
     return Recipe("plan", config, made, {"seed": request.seed})
 
@@ -208,11 +216,8 @@ def _write(
     from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
-    section, rng = request.config["plan"], generator(request.seed, "plan")
-    steer = steered_by(policy, plant)
-    plan, limits = planned(
-        posterior, plant, section, minutes, rng, request.progress, request.cores, anew, steer
-    )
+    asked = Asked(minutes, anew, policy, request.seed, request.progress, request.cores)
+    plan, limits = planned(posterior, plant, request.config["plan"], asked)
     state, action = plant.simulator.state, plant.simulator.action
     table: dict[str, Any] = {"episode": plan.episode.astype(int)} if anew else {}
     what = DITHER if policy else ""

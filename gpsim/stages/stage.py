@@ -205,7 +205,7 @@ class Stage:
         found = request.store.find(self.keyed(request))
         if found is not None:
             return found
-        shelf, command = request.store.root / request.store.experiment / self.name, self.command(request)
+        shelf, command = request.store.shelf(self.name), self.command(request)
         if request.planned:
             return Artifact(shelf, {"stage": self.name, "key": NOT_MADE, "config": {}}, NOT_MADE)
         raise NotMadeError(

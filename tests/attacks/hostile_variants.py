@@ -19,20 +19,8 @@ CELLS = ["", "nan", "-inf", "1e999", "0x10", "1,5", '"', "'", "#", "%", "\t", ";
 YAMLS = ["!!python/object/apply:os.system ['x']", "&a [*a]", "<<: {a: 1}", "? [a]\n: b", "- " * 2000, "{" * 2000,
          "a: !!binary x", "a: 1\na: 2", "\t", "%YAML 9.9", "---\n---", "a: 2020-01-01", "a: .nan", "a: 1e999", "\x00",
          "a: &x [1,2,3]\nb: [*x,*x]", "'", "a: |\n  b\n c", "state: {x: {topic: /p, field: ../..}}", "rate: -1"]  # fmt: skip
-NUMBERS = [
-    "0",
-    "-1",
-    "nan",
-    "inf",
-    "1e308",
-    "-1e308",
-    "99999999999",
-    "1 2 3 4 5 6 7 8 9",
-    "",
-    "abc",
-    "0x7fffffff",
-    "&#0;",
-]
+NUMBERS = ["0", "-1", "nan", "inf", "1e308", "-1e308", "99999999999", "1 2 3 4 5 6 7 8 9", "", "abc", "0x7fffffff",
+           "&#0;"]  # fmt: skip
 TAGS = ['<replicate count="{}"><geom size=".1"/></replicate>', '<body pos="{} 0 0"><joint/><geom size=".1"/></body>',
         '<geom size="{}"/>', '<site name="s" rgba="{}"/>', '<body euler="{}"><freejoint/><geom size=".1"/></body>',
         '<composite type="cable" count="{} 1 1" size="1"/>', '<flexcomp name="f" type="grid" count="{} 2 2"/>',

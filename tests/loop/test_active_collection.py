@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.environments import ActiveSettings, Model, as_sensed, collect_actively, first_of
+from gpsim.environments import ActiveSettings, Model, as_sensed, collect_actively
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, read_recording
 from gpsim.simulators import SimulatorPlant, make_simulator
@@ -105,10 +105,3 @@ def test_sensors_add_their_noise_and_lose_their_share():
     np.testing.assert_allclose(error, 0.05 * episode.states.std(axis=0), rtol=0.15)
     np.testing.assert_allclose(list(noise.values()), 0.05 * episode.states.std(axis=0))
     assert as_sensed([episode], state, 0.0, 0.0, np.random.default_rng(1)) == ((episode,), {})
-
-
-def test_the_first_transitions_cut_the_last_episode():
-    one = Episode("a", DT * np.arange(11), np.zeros((11, 2)), np.zeros((10, 1)))
-    assert [len(e) for e in first_of([one, one, one], 15)] == [10, 5]
-    assert [len(e) for e in first_of([one], 15)] == [10]
-    assert first_of([one, one], None) == (one, one)

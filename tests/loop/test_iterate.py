@@ -43,7 +43,7 @@ def gaining(monkeypatch):
                 seen[policy.digest] = next(earned) + spread * (1 + len(seen))
             return seen[policy.digest]
 
-        monkeypatch.setattr(iterate, "_trial", trial)
+        monkeypatch.setattr(iterate, "trial", trial)
 
     return of
 
@@ -92,12 +92,8 @@ def test_a_sweep_comes_before_the_first_drive_and_stays_below_all(tmp_path, gain
     words = ("rounds=2", "collect.episodes=2", f"runs_dir={tmp_path / 'runs'}")
     small = ("experiment=limo", "budget=smoke", "policy.total_steps=800", "evaluate.episodes=12")
     _, said = run(Request(resolve([*small, *words], None), (*small, *words)))
-    assert [what for what, existed in said if not existed][:4] == [
-        "policy 0",
-        "sweep",
-        "drive 0",
-        "residuals 0",
-    ]
+    made = [what for what, existed in said if not existed]
+    assert made[:4] == ["policy 0", "sweep", "drive 0", "residuals 0"]
     drives = [read_recording(path) for path in sorted((tmp_path / "runs/limo/drive").glob("v*"))]
     swept = read_recording(next((tmp_path / "runs/limo/collect").glob("v*")))
     for turn, drive in enumerate(drives):

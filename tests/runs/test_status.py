@@ -1,7 +1,7 @@
 """status and --dry-run: what would be made and why, and nothing is written."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,17 +24,8 @@ from gpsim.stages.runs import loop_status, standing_of
 from gpsim.stages.stage import Request
 
 SECTIONS = (
-    "gp",
-    "policy",
-    "task",
-    "simulator",
-    "target",
-    "residuals",
-    "certify",
-    "evaluate",
-    "randomise",
-    "collect",
-)
+    "gp", "policy", "task", "simulator", "target", "residuals", "certify", "evaluate", "randomise", "collect",
+)  # fmt: skip
 
 
 def asked(place: Path, *words: str) -> Request:
@@ -218,8 +209,3 @@ def test_out_is_made_whatever_there_is_and_never_over_something(finished, tmp_pa
     (tmp_path / "mine").mkdir()
     with pytest.raises(UsageError, match="exists already"):
         standing_of(fit_gp.STAGE, request)
-
-
-def test_what_is_told_is_plain_data(finished):
-    status = loop_status(asked(finished, "gp.n_train=77"), (0,))
-    assert json.loads(json.dumps(asdict(status)))["standings"][3]["differences"][0]["new"] == 77
