@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from copy import deepcopy
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from gpsim import __version__
 from gpsim.errors import UsageError
-from gpsim.private import ExposedError, own_folder, read_own, users_cache, write_own
 from gpsim.recordings import check_bounded
 from gpsim.trust import consent
 
@@ -67,7 +61,8 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
         if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
     _refuse_strangers(words, config_dir)
-    config = _composed(words, config_dir) if config_dir else deepcopy(_of_the_package(tuple(words)))
+    compose = _composed if config_dir is None else _composed.__wrapped__  # a folder may change meanwhile
+    config = deepcopy(compose(tuple(words), config_dir))
     for name in SECTIONS:
         if not isinstance(config.get(name), dict):
             raise UsageError(f"{name}: expected settings, as {name}.key=value, got {config.get(name)!r}")
@@ -80,30 +75,7 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
 
 
 @cache
-def _of_the_package(words: tuple[str, ...]) -> dict[str, Any]:
-    """What Hydra makes of gpsim's own choices, half a second's work: without words it is kept for the next command."""
-    if words:
-        return _composed(words, None)
-    with suppress(OSError, RuntimeError, ExposedError, ValueError):
-        kept: dict[str, Any] = json.loads(read_own(_place()))
-        return kept
-    made = _composed(words, None)
-    text = json.dumps(made)
-    if json.loads(text) == made:
-        with suppress(OSError, RuntimeError, ExposedError):
-            write_own(_place(), text.encode())
-    return made
-
-
-def _place() -> Path:
-    """The file for gpsim's own choices as they are now; raises OSError or ExposedError where none can be kept."""
-    digest = hashlib.sha256(__version__.encode())
-    for path in sorted(Path(str(files("gpsim.conf"))).rglob("*.yaml")):
-        digest.update(f"{path.name} ".encode() + path.read_bytes())
-    return own_folder(users_cache()) / f"settings-{digest.hexdigest()[:16]}.json"
-
-
-def _composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+def _composed(words: tuple[str, ...], config_dir: Path | None) -> dict[str, Any]:
     from .composing import composed  # here: Hydra takes a third of a second to load
 
     return composed(words, config_dir)

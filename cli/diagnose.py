@@ -207,7 +207,6 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
 
 
 def _score(setup: Setup, asked: Asked, recording: Path, dry_run: bool) -> None:
-    """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.statistics_text import score_lines
     from gpsim.stages.diagnose_loop import read_score, score_stage
     from gpsim.stages.figures import paths_of, score_figures
@@ -289,7 +288,6 @@ def _log_of(recording: Path, of_log: list[str], asked: Asked) -> RawLog | None:
 
 
 def _imported(log: RawLog, config: dict[str, Any]) -> Path:
-    """The recording that a raw log gives, below runs/."""
     from gpsim.stages.raw_logs import imported
     from gpsim.stages.stage import Request
 
@@ -329,7 +327,6 @@ def _diagnose_each(
 
 
 def _tell_fleet(found: Fleet, simulator: str | None) -> None:
-    """The accounts, and what differs."""
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
     from gpsim.stages import fleet

@@ -28,61 +28,7 @@ prove_app = typer.Typer(
         "Settings of the launcher say where it runs, such as launcher=slurm launcher.queue=main."
     ),
 )
-Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
-Rough = Annotated[
-    int, typer.Option("--rough", min=0, help="How many worlds with the defects of real logs to add.")
-]
-Machines = Annotated[
-    int,
-    typer.Option("--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."),
-]
-Robots = Annotated[
-    int,
-    typer.Option(
-        "--robots",
-        min=0,
-        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
-    ),
-]
-Floating = Annotated[
-    int,
-    typer.Option(
-        "--floating",
-        min=0,
-        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
-    ),
-]
-Curves = Annotated[
-    int,
-    typer.Option(
-        "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
-    ),
-]
-Plans = Annotated[
-    int,
-    typer.Option(
-        "--plan",
-        min=0,
-        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
-Strata = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--stratum",
-        help="Only worlds of this kind: single, pair, triple, none, unknown; may be repeated.",
-        autocompletion=completion.strata,
-    ),
-]
-System = Annotated[
-    str | None,
-    typer.Option(
-        "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
-    ),
-]
-Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
 
 
 Answers = Annotated[
@@ -104,18 +50,66 @@ MISSES = {
 class Worlds:
     """Which worlds are drawn, and by how many processes."""
 
-    trials: Trials = 40
-    seed: Seed = 1
+    trials: Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")] = 40
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")
+    ] = 1
     jobs: Jobs = CORES
-    stratum: Strata = None
-    long: Long = True
-    rough: Rough = 0
-    machines: Machines = 0
-    robots: Robots = 0
-    floating: Floating = 0
-    curves: Curves = 0
-    plan: Plans = 0
-    system: System = None
+    stratum: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--stratum",
+            help="Only worlds of this kind: single, pair, triple, none, unknown; may be repeated.",
+            autocompletion=completion.strata,
+        ),
+    ] = None
+    long: Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")] = True
+    rough: Annotated[
+        int, typer.Option("--rough", min=0, help="How many worlds with the defects of real logs to add.")
+    ] = 0
+    machines: Annotated[
+        int,
+        typer.Option(
+            "--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."
+        ),
+    ] = 0
+    robots: Annotated[
+        int,
+        typer.Option(
+            "--robots",
+            min=0,
+            help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
+        ),
+    ] = 0
+    floating: Annotated[
+        int,
+        typer.Option(
+            "--floating",
+            min=0,
+            help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
+        ),
+    ] = 0
+    curves: Annotated[
+        int,
+        typer.Option(
+            "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+        ),
+    ] = 0
+    plan: Annotated[
+        int,
+        typer.Option(
+            "--plan",
+            min=0,
+            help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+        ),
+    ] = 0
+    system: Annotated[
+        str | None,
+        typer.Option(
+            "--system",
+            help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others.",
+        ),
+    ] = None
 
     def numbers(self) -> list[int]:
         """The numbers of the worlds; raises UsageError for options that do not go together."""

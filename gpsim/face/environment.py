@@ -140,7 +140,6 @@ def _env(plant: Plant, task: Task, count: int | None) -> SingleEnv | BatchedEnv:
 
 
 def _plant(given: Any, gp: bool, trust: bool) -> tuple[Corrected, Recording | None]:
-    """What steps, and the recording that it was learnt from."""
     from gpsim.face.diagnosis import Diagnosis
 
     if isinstance(given, str | Path):

@@ -1,7 +1,16 @@
 """What is in runs/: every artifact, what rests on what, how two differ, and what may go."""
 
 from gpsim.runs.catalogue import Catalogue, Entry, entry_at, read_catalogue, size_of
-from gpsim.runs.comparison import ABSENT, Difference, Making, compared, figures_of, nearest
+from gpsim.runs.comparison import (
+    ABSENT,
+    Difference,
+    Making,
+    asked_of,
+    compared,
+    figures_of,
+    made_from,
+    nearest,
+)
 from gpsim.runs.lineage import (
     Removal,
     children,
@@ -31,6 +40,7 @@ __all__ = [
     "Removed",
     "Shown",
     "Standing",
+    "asked_of",
     "children",
     "collect_garbage",
     "compared",
@@ -38,6 +48,7 @@ __all__ = [
     "entry_at",
     "figures_of",
     "garbage",
+    "made_from",
     "named",
     "nearest",
     "parents",

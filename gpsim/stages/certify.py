@@ -166,6 +166,12 @@ def what_is_open(request: Request, recipe: Recipe) -> PosteriorPlant:
     return posterior_plant(request.having(correction="effects+gp"), recipe.parents["diagnosis"])
 
 
+def returns_of(request: Request, plant: Plant, policy: Artifact, start: Start, purpose: str) -> FloatArray:
+    """(N,) what a policy earns on its target, or what stands for it; who is compared has one purpose: the same noise."""
+    act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
+    return episode_returns(plant, task, act, start, generator(request.start_seed, purpose))
+
+
 def robustness(
     request: Request, recipe: Recipe, on_target: Mapping[str, FloatArray]
 ) -> dict[str, dict[str, dict[str, Any]]]:
@@ -173,14 +179,12 @@ def robustness(
 
     on_target: policy to returns (N,). Every start has a draw of its own, the same for every policy.
     """
-    task, start = make_task(request.config).on_target(), evaluation_starts(request)
-    drawn = what_is_open(request, recipe)
-
-    def returns(name: str) -> FloatArray:
-        act = policy_actor(read_policy(recipe.parents[name].path))
-        return episode_returns(drawn, task, act, start, generator(request.start_seed, "evaluate/posterior"))
-
-    both = {"target": on_target, "posterior": {name: returns(name) for name in on_target}}
+    drawn, start = what_is_open(request, recipe), evaluation_starts(request)
+    earned = {
+        name: returns_of(request, drawn, recipe.parents[name], start, "evaluate/posterior")
+        for name in on_target
+    }
+    both = {"target": on_target, "posterior": earned}
     told = {
         where: {n: mean_and_worst(values) for n, values in found.items()} for where, found in both.items()
     }

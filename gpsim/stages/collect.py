@@ -150,7 +150,6 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 
 def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
-    """The episodes, as they truly were."""
     if active(request):  # to where the Gaussian processes of `gp` are least sure
         settings = build(ActiveSettings, request.config["active"], "active")
         return environments.collect_actively(

@@ -223,7 +223,6 @@ BESIDE = ("episodes", "known", "families")
 
 
 def _known(request: Request) -> Known:
-    """What the user knows."""
     given = request.config["diagnose"]
     return read_known(given.get("known"), given.get("families"))
 

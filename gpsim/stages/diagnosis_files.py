@@ -84,7 +84,6 @@ def went(effect: Mapping[str, Any]) -> str:
 
 
 def _estimate(estimate: Estimate) -> str:
-    """A value, its unit, and its 90 % interval."""
     value = f"{estimate.value:.{DIGITS}g} {estimate.unit}".removesuffix(" 1")
     if estimate.low is None or estimate.high is None:
         return value
@@ -257,7 +256,6 @@ def plant_of(content: Json, simulator: Simulator, process: Process | None = None
 
 
 def _moved(content: Json) -> Moved:
-    """A number of corrected.json's `geometry`; raises UsageError."""
     try:
         return Moved(
             Place(**{k: content[k] for k in ("kind", "on", "axis", "unit")}), float(content["value"])

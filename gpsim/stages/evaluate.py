@@ -292,7 +292,6 @@ def _judged_recipe(request: Request, with_effects: bool) -> Recipe:
 
 
 def _write_judged(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write evaluation.json and rollouts.safetensors."""
     data = build_residuals.read_residuals(recipe.parents["residuals"])
     held_out = bool(data.test.any())
     judged = data.take(data.test) if held_out else data

@@ -13,7 +13,7 @@ from gpsim.channels import FloatArray, wrap_angle
 from gpsim.corrected import CorrectedPlant, GpCorrection
 from gpsim.errors import UsageError, near_path
 from gpsim.evaluation import BETS, Monitor
-from gpsim.files import Json, write_json, written_whole
+from gpsim.files import Json, write_json
 from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
 from gpsim.policies.export import to_onnx
@@ -25,7 +25,7 @@ from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 from gpsim.stages.diagnosis_files import correction_of, moved_sentences, sentences, went
 from gpsim.stages.policy_files import policy_artifact, read_policy, survival_lines
-from gpsim.stages.stage import Request, new_place
+from gpsim.stages.stage import Request, new_place, written_new
 from gpsim.tasks import GoalReaching
 
 SCHEMA = "gpsim.monitor/1"
@@ -100,31 +100,26 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
     ]
-    try:
-        with written_whole(out) as made:
-            made.mkdir()
-            (made / "policy.onnx").write_bytes(to_onnx(policy))
-            origin = {
-                "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
-            }  # fmt: skip
-            if survives := survival_lines(path):
-                origin["survives"] = survives
-            write_json(made / "policy.json", origin)
-            if has_node:
-                task = build(GoalReaching, config["task"], "task")
-                goal = (task.evaluation_goal[0], task.evaluation_goal[1])
-                for ros, name in NODES.items():
-                    text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
-                    (made / name).write_text(text, encoding="utf-8")
-                    (made / name).chmod(0o755)
-                    notes.append(
-                        f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how"
-                    )
-            if monitor is not None:
-                write_json(made / MONITOR, monitor)
-                notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    with written_new(out) as made:
+        made.mkdir()
+        (made / "policy.onnx").write_bytes(to_onnx(policy))
+        origin = {
+            "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
+        }  # fmt: skip
+        if survives := survival_lines(path):
+            origin["survives"] = survives
+        write_json(made / "policy.json", origin)
+        if has_node:
+            task = build(GoalReaching, config["task"], "task")
+            goal = (task.evaluation_goal[0], task.evaluation_goal[1])
+            for ros, name in NODES.items():
+                text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
+                (made / name).write_text(text, encoding="utf-8")
+                (made / name).chmod(0o755)
+                notes.append(f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how")
+        if monitor is not None:
+            write_json(made / MONITOR, monitor)
+            notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
     return notes
 
 
@@ -142,11 +137,8 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
         )
     recording = read_recording(path)
     predictions, notes = predict(recording)
-    try:
-        with written_whole(out, ".parquet" if form == "parquet" else "") as made:
-            (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    with written_new(out, ".parquet" if form == "parquet" else "") as made:
+        (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
     samples = sum(len(e.t) for e in recording.episodes)
     return [f"{len(recording.episodes)} episode(s), {samples} samples", *notes]
 

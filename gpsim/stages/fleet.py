@@ -66,7 +66,6 @@ def recordings_in(paths: Sequence[Path], simulator: str | None) -> dict[str, Pat
 
 
 def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]:
-    """Those that one word names."""
     if not path.is_dir() or (path / "recording.yaml").is_file():
         return [path]
     homes = [found.parent for found in path.rglob("recording.yaml")]

@@ -18,7 +18,7 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import episode_returns, one_step_errors
+from gpsim.evaluation import one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.launchers import Launcher
 from gpsim.recordings import Episode, read_recording, write_recording
@@ -29,7 +29,6 @@ from gpsim.stages.building import base_plant, drivable, make_task, recording_of,
 from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator, stage_about
-from gpsim.tasks import Start
 
 DRIVE, SWEEP, SUMMARY = "drive", "sweep", "iteration.json"
 
@@ -182,17 +181,13 @@ def trial(request: Request, policy: Artifact) -> FloatArray:
     """(N,) returns on the target, of starts that no evaluation knows."""
     count = int(request.config["evaluate"]["episodes"])
     rng = generator(request.seed, "iterate/trial")
-    return _returns(request, policy, make_task(request.config).start(count, rng), "iterate/trial")
+    start = make_task(request.config).start(count, rng)
+    return certify.returns_of(request, target_plant(request.config), policy, start, "iterate/trial")
 
 
 def _evaluated(request: Request, policy: Artifact) -> float:
-    return float(_returns(request, policy, certify.evaluation_starts(request), "evaluate/returns").mean())
-
-
-def _returns(request: Request, policy: Artifact, start: Start, purpose: str) -> FloatArray:
-    act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
-    rng = generator(request.start_seed, purpose)
-    return episode_returns(target_plant(request.config), task, act, start, rng)
+    target, start = target_plant(request.config), certify.evaluation_starts(request)
+    return float(certify.returns_of(request, target, policy, start, "evaluate/returns").mean())
 
 
 def _summary_stage(done: list[Round], stopped: str, parents: dict[str, Artifact]) -> Stage:

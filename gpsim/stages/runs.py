@@ -212,8 +212,8 @@ def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standi
     entries = [entry_at(path, request.store.root) for path in request.store.versions(recipe.stage)]
     entries.sort(key=lambda entry: entry.age_key, reverse=True)
     whole = [entry.artifact for entry in entries if entry.artifact is not None]
-    made = [(artifact, _completed(Making.of(artifact))) for artifact in whole]
-    found = runs.nearest(made, _completed(Making.asked(recipe)))
+    made = [(artifact, _completed(runs.made_from(artifact))) for artifact in whole]
+    found = runs.nearest(made, _completed(runs.asked_of(recipe)))
     if found is None:
         return known
     artifact, differing = found
@@ -230,8 +230,8 @@ def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standi
 
 def _completed(making: Making) -> Making:
     """With the settings that recipes leave out at the value that they had before they were settings."""
-    config = {key: {**LATER[key], **part} if key in LATER else part for key, part in making.config.items()}
-    return replace(making, config=config)
+    config = {k: {**LATER[k], **part} if k in LATER else part for k, part in making["setting"].items()}
+    return {**making, "setting": config}
 
 
 def _place(artifact: Artifact, role: str) -> str:
