@@ -11,7 +11,7 @@ import typer
 
 from gpsim.errors import UsageError
 
-from . import completion
+from . import completion, options
 from .answers import answer, say, say_all
 from .everywhere import named, named_effects
 from .options import (
@@ -19,11 +19,12 @@ from .options import (
     DryRun,
     Setup,
     launcher_of,
+    option,
     refuse_launcher,
     say_made,
-    split_words,
     spread,
     top_key,
+    words_of,
 )
 from .progress import DIAGNOSIS, MUJOCO, Board, caution, note, warn
 
@@ -47,74 +48,59 @@ Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to 
 class Asked:
     """What is asked beside recordings and settings."""
 
-    simulator: Annotated[
-        str | None,
-        typer.Option(
-            "--simulator",
-            help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
-            autocompletion=completion.simulator_names,
-        ),
-    ] = None
-    mapping: Annotated[
-        str | None,
-        typer.Option(
-            "--mapping",
-            help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
-            autocompletion=completion.mapping_names,
-        ),
-    ] = None
-    out: Annotated[
-        Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
-    ] = None
-    score: Annotated[
-        Path | None,
-        typer.Option(
-            "--score",
-            metavar="DIAGNOSIS",
-            autocompletion=completion.diagnoses,
-            help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
-        ),
-    ] = None
-    each: Annotated[
-        bool,
-        typer.Option(
-            "--each",
-            help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
-        ),
-    ] = False
-    explain: Annotated[
-        bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
-    ] = False
+    simulator: str | None = option(
+        None,
+        "--simulator",
+        help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
+        autocompletion=completion.simulator_names,
+    )
+    mapping: str | None = option(
+        None,
+        "--mapping",
+        help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
+        autocompletion=completion.mapping_names,
+    )
+    out: Path | None = option(None, "--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
+    score: Path | None = option(
+        None,
+        "--score",
+        metavar="DIAGNOSIS",
+        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+        autocompletion=completion.diagnoses,
+    )
+    each: bool = option(
+        False,
+        "--each",
+        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
+    )
+    explain: bool = option(
+        False, "--explain", help="Print the whole ranking of explanations, and every decision."
+    )
     cores: Cores = None
-    effects: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--effects",
-            metavar="FILE.py[:Class]",
-            help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
-        ),
-    ] = None
+    effects: list[str] | None = option(
+        None,
+        "--effects",
+        metavar="FILE.py[:Class]",
+        help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
+    )
 
 
 @dataclass
 class DiagnoseSetup(Setup):
     """Recordings stand before the settings."""
 
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[RECORDING]... [KEY=VALUE]...",
-            help="A recording folder or a raw log file; none means the recording of the loop. Several recordings of "
-            "one machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
-            autocompletion=completion.diagnose_words,
-        ),
-    ] = None
+    words: list[str] | None = words_of(
+        "[RECORDING]... [KEY=VALUE]...",
+        "A recording folder or a raw log file; none means the recording of the loop. Several recordings of "
+        "one machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
+        completion.diagnose_words,
+    )
 
 
 @spread
 def diagnose_command(*, asked: Asked, given: DiagnoseSetup, dry_run: DryRun = False) -> None:
     """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
-    recordings, settings = split_words(given.words or [])
+    recordings, settings = options.split_words(given.words or [])
     named(asked.simulator, settings)
     own = named_effects(asked.effects)
     _check_together(recordings, asked, dry_run)

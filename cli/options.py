@@ -113,6 +113,20 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
             raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
 
 
+SHOWN = "shown as"
+
+
+def option(default: Any, *names: str, **more: Any) -> Any:
+    """A field of a dataclass of options; more: as typer.Option takes it."""
+    return dataclasses.field(default=default, metadata={SHOWN: typer.Option(*names, **more)})
+
+
+def words_of(metavar: str, help: str, completed: Callable[..., list[str]]) -> Any:
+    """The field of what stands behind a command; completed: what may follow."""
+    shown = typer.Argument(metavar=metavar, help=help, autocompletion=completed)
+    return dataclasses.field(default=None, metadata={SHOWN: shown})
+
+
 def spread(function: Callable[..., None]) -> Callable[..., None]:
     """A command of which a parameter may be a dataclass of options: Typer is shown its fields, each as an option."""
     hints = get_type_hints(function, include_extras=True)
@@ -123,10 +137,9 @@ def spread(function: Callable[..., None]) -> Callable[..., None]:
             shown.append(parameter.replace(annotation=hints[parameter.name]))
             continue
         own = get_type_hints(kind, include_extras=True)
-        shown += [
-            inspect.Parameter(f.name, parameter.kind, default=f.default, annotation=own[f.name])
-            for f in dataclasses.fields(kind)
-        ]
+        for f in dataclasses.fields(kind):
+            hint = Annotated[own[f.name], f.metadata[SHOWN]] if SHOWN in f.metadata else own[f.name]
+            shown.append(inspect.Parameter(f.name, parameter.kind, default=f.default, annotation=hint))
 
     def command(**given: Any) -> None:
         for name, kind in kinds.items():

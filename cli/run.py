@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
-Reported = Annotated[
-    int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
-]
 PANEL = "Stages, in order"
 LOOP = {
     "train-source": (
@@ -155,7 +152,14 @@ def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
 
 
 @spread
-def report_command(*, seeds: Reported = 1, setup: Setup, dry_run: DryRun = False) -> None:
+def report_command(
+    *,
+    seeds: int = typer.Option(
+        1, "--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ..."
+    ),
+    setup: Setup,
+    dry_run: DryRun = False,
+) -> None:
     """Tables, figures and one HTML page of a finished loop."""
     request = setup.request()
     chosen = _seeds(request, seeds)
@@ -167,19 +171,15 @@ def report_command(*, seeds: Reported = 1, setup: Setup, dry_run: DryRun = False
     _reported(request, chosen)()
 
 
-Swept = Annotated[
-    list[str] | None,
-    typer.Argument(
+def sweep_command(
+    words: list[str] | None = typer.Argument(
+        None,
         metavar="[KEY=VALUE]...",
         help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
     ),
-]
-Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
-
-
-def sweep_command(
-    words: Swept = None,
-    of: Of = "evaluate",
+    of: str = typer.Option(
+        "evaluate", "--of", help="The stage to run at every point, with all that it needs."
+    ),
     jobs: Jobs = CORES,
     config_dir: ConfigDir = None,
     dry_run: DryRun = False,
@@ -211,18 +211,19 @@ def sweep_command(
         )
 
 
-Plan = Annotated[
-    Path | None,
-    typer.Option(
+@spread
+def collect_command(
+    *,
+    setup: Setup,
+    out: Out = None,
+    plan: Path | None = typer.Option(
+        None,
         "--plan",
         help="Play this finished plan of `gpsim plan` on the target; or, of a file that is not there, only write the "
         "sweep's commands to it, for a robot to play.",
     ),
-]
-
-
-@spread
-def collect_command(*, setup: Setup, out: Out = None, plan: Plan = None, dry_run: DryRun = False) -> None:
+    dry_run: DryRun = False,
+) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
     config = setup.config
     # Imported here: rosbags takes a second to load, and `--help` should not wait for it.

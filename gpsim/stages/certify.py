@@ -167,7 +167,7 @@ def what_is_open(request: Request, recipe: Recipe) -> PosteriorPlant:
 
 
 def returns_of(request: Request, plant: Plant, policy: Artifact, start: Start, purpose: str) -> FloatArray:
-    """(N,) what a policy earns on its target, or what stands for it; who is compared has one purpose: the same noise."""
+    """(N,) what a policy earns on its target or a stand-in; who is compared has one purpose, so one noise."""
     act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
     return episode_returns(plant, task, act, start, generator(request.start_seed, purpose))
 
