@@ -70,9 +70,9 @@ def plan_command(*, asked: Planned, given: PlanSetup, dry_run: DryRun = False) -
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
-    from gpsim.stages.plan import plan_of, stage_for
+    from gpsim.stages.plan import Asked, plan_of, stage_for
 
-    stage = stage_for(diagnoses, asked.minutes, asked.anew, asked.policy)
+    stage = stage_for(diagnoses, Asked(asked.minutes, asked.anew, asked.policy))
     if (made := setup.make(stage, asked.out, dry_run, cores=asked.cores or CORES)) is None:
         return
     artifact, existed = made

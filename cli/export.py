@@ -79,7 +79,7 @@ def diagnosis_command(
     """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
     if not mcap:
         raise UsageError("export diagnosis: say in which format: --mcap, which Foxglove opens")
-    from gpsim.stages.export_diagnosis import export_diagnosis
+    from gpsim.stages.export import export_diagnosis
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
     _tell(made, notes, diagnosis=folder, format="mcap")
@@ -144,7 +144,7 @@ def view_command(
     horizon: Horizon = None,
 ) -> None:
     """Watch real, base and corrected motion side by side, and their numbers, in Rerun."""
-    from gpsim.stages.export_diagnosis import export_diagnosis
+    from gpsim.stages.export import export_diagnosis
 
     with TemporaryDirectory() as here:
         made, notes = export_diagnosis(folder, out or Path(here, "motion.rrd"), recording, horizon, "rrd")

@@ -189,18 +189,18 @@ def sweep_command(
 
     points = resolved(points_of(words or []), config_dir)
     launcher = launcher_of(points[0].request.config, jobs)
-    from gpsim.stages import grid  # torch takes seconds to load
+    from gpsim.stages import full_loop as loop  # torch takes seconds to load
 
-    plan = grid.grid_of(points, of)
+    plan = loop.grid_of(points, of)
     say(f"sweep: {len(points)} points, {len(plan.jobs)} jobs")
     answer(of=of, points=len(points), jobs=len(plan.jobs))
     if dry_run:
         answer(dry_run=True)
         return
     with Board(len(plan.jobs)) as board:
-        artifact, missing = grid.run(plan, launcher, board)
+        artifact, missing = loop.run_grid(plan, launcher, board)
     note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
-    made = {"table": grid.CSV, "parquet": grid.PARQUET, "report": grid.PAGE}
+    made = {"table": loop.CSV, "parquet": loop.PARQUET, "report": loop.PAGE}
     paths = {name: artifact.path / file for name, file in made.items()}
     say(f"sweep: {paths['report']}, {paths['parquet']}")
     say(paths["table"])  # the path alone on the last line, for programs

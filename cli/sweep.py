@@ -17,7 +17,7 @@ from .configuration import resolve
 from .options import says_where, shown_words
 
 if TYPE_CHECKING:
-    from gpsim.stages.grid import Point
+    from gpsim.stages.full_loop import Point
 
 MOST = 100_000  # combinations: more is a slip of the pen
 
@@ -65,7 +65,7 @@ def _values(word: str) -> list[str]:
 
 def resolved(found: Sequence[Combination], config_dir: Path | None) -> list[Point]:
     """The requests; what differs by its seed alone is resolved once, which takes Hydra a tenth of a second."""
-    from gpsim.stages.grid import Point
+    from gpsim.stages.full_loop import Point
     from gpsim.stages.stage import Request
 
     known: dict[tuple[str, ...], dict[str, Any]] = {}

@@ -65,14 +65,9 @@ class Asked:
     processes: int = 1
 
 
-def stage_for(
-    diagnoses: Sequence[Path], minutes: float, anew: bool = False, policy: Path | None = None
-) -> Stage:
-    """The stage for finished diagnoses of one machine, whose explanations are told apart together.
-
-    policy: a finished policy that the machine is steered by meanwhile.
-    """
-    return stage_about("plan", _recipe, _write, diagnoses, minutes, anew, policy, format=FORMAT, code=SOURCES)
+def stage_for(diagnoses: Sequence[Path], asked: Asked) -> Stage:
+    """The stage for finished diagnoses of one machine, whose explanations are told apart together."""
+    return stage_about("plan", _recipe, _write, diagnoses, asked, format=FORMAT, code=SOURCES)
 
 
 def planned(
@@ -178,18 +173,16 @@ def _around(folder: Path, facts: Mapping[str, Any], simulator: Simulator) -> Aro
     return Around(steering(folder, facts["policy"]), low, high, rate, idle, facts["dt"])
 
 
-def _recipe(
-    request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
-) -> Recipe:
-    if not minutes > 0.0:
-        raise UsageError(f"--minutes: expected more than 0, got {minutes:g}")
+def _recipe(request: Request, diagnoses: Sequence[Path], asked: Asked) -> Recipe:
+    if not asked.minutes > 0.0:
+        raise UsageError(f"--minutes: expected more than 0, got {asked.minutes:g}")
     plant = _plant(diagnoses)
     made = {
         f"diagnosis_{i}" if i else "diagnosis": read_artifact(d, "diagnose") for i, d in enumerate(diagnoses)
     }
-    if policy is not None:
-        made["policy"] = policy_for(policy, plant)
-    config = {**request.section("plan"), "minutes": minutes, "anew": anew}
+    if asked.policy is not None:
+        made["policy"] = policy_for(asked.policy, plant)
+    config = {**request.section("plan"), "minutes": asked.minutes, "anew": asked.anew}
     return Recipe("plan", config, made, {"seed": request.seed})
 
 
@@ -210,17 +203,15 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
     return plants[0]
 
 
-def _write(
-    request: Request, folder: Path, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
-) -> Json:
+def _write(request: Request, folder: Path, diagnoses: Sequence[Path], asked: Asked) -> Json:
     from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
-    asked = Asked(minutes, anew, policy, request.seed, request.progress, request.cores)
+    asked = replace(asked, seed=request.seed, progress=request.progress, processes=request.cores)
     plan, limits = planned(posterior, plant, request.config["plan"], asked)
     state, action = plant.simulator.state, plant.simulator.action
-    table: dict[str, Any] = {"episode": plan.episode.astype(int)} if anew else {}
-    what = DITHER if policy else ""
+    table: dict[str, Any] = {"episode": plan.episode.astype(int)} if asked.anew else {}
+    what = DITHER if asked.policy else ""
     table |= {"t": np.round(plan.t, 9)} | {n + what: plan.commands[:, i] for i, n in enumerate(action.names)}
     pd.DataFrame(table).to_csv(folder / COMMANDS, index=False, lineterminator="\n")
     box = {n: [limits.box_low[i], limits.box_high[i]] for i, n in enumerate(state.names)}
@@ -236,8 +227,8 @@ def _write(
         "rest_commands": {n: limits.idle[i] for i, n in enumerate(action.names)},
         **plan_facts(plan),
     }
-    if policy is not None:  # beside its plan, which can then be played where the policy is not
-        made = policy_artifact(policy)
+    if asked.policy is not None:  # beside its plan, which can then be played where the policy is not
+        made = policy_artifact(asked.policy)
         write_policy(folder, read_policy(made.path))
         config = made.manifest["config"]
         facts["policy"] = {"sha256": made.digest, "simulator": config["simulator"], "task": config["task"]}

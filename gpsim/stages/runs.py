@@ -13,7 +13,7 @@ from gpsim.artifacts import MANIFEST, Artifact, Leftover, Recipe, read_manifest
 from gpsim.errors import UsageError
 from gpsim.reports.runs_text import says
 from gpsim.runs import Catalogue, Difference, Entry, LoopStatus, Making, Standing, entry_at, read_catalogue
-from gpsim.stages import diagnose_loop, fleet, full_loop, grid, import_log, report
+from gpsim.stages import diagnose_loop, fleet, full_loop, import_log, report
 from gpsim.stages.registry import STAGES
 from gpsim.stages.stage import LATER, NOT_MADE, RELEASE, NotMadeError, Request, Stage
 
@@ -27,7 +27,7 @@ def todays_code() -> Code:
     stages = [*STAGES.values(), report.stage_for((0,)), diagnose_loop.score_stage(nowhere, nowhere)]
     return {stage.name: (stage.format, stage.code) for stage in stages} | {
         import_log.STAGE_NAME: (1, ""),
-        grid.STAGE_NAME: (grid.FORMAT, RELEASE),
+        full_loop.SWEEP: (full_loop.FORMAT, RELEASE),
         fleet.STAGE_NAME: (fleet.FORMAT, RELEASE),
     }
 

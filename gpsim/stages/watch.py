@@ -16,7 +16,6 @@ from gpsim.artifacts import read_artifact
 from gpsim.errors import NoDiagnosis, UsageError, near_path
 from gpsim.files import disk_errors, file_digest, plain
 from gpsim.settings import build
-from gpsim.simulators import Simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected, read_left_open
 from gpsim.stages.fleet import recordings_in
 from gpsim.stages.stage import blamed
@@ -107,13 +106,11 @@ class Watch:
     what: Path
     log: Path
     settings: WatchSettings
-    simulator: Simulator | None = None
 
     def __post_init__(self) -> None:
         artifact = read_artifact(self.diagnosis, "diagnose")
         self.name = str(artifact.manifest["config"]["simulator"])
-        corrected = read_corrected(self.diagnosis, simulator=self.simulator)
-        self.account = Account(corrected, read_left_open(self.diagnosis))
+        self.account = Account(read_corrected(self.diagnosis), read_left_open(self.diagnosis))
         if not self.account.hypothesis.terms:
             raise UsageError(f"{self.diagnosis}: names no effect: there is no account to watch")
         self.monitor = Monitor(self.account, self.settings)
@@ -177,19 +174,13 @@ class Watch:
         return Watched(name, digest, *told, driven, self.monitor.state, why)
 
 
-def watch_of(
-    diagnosis: Path,
-    what: Path,
-    log: Path | None,
-    section: Mapping[str, Any],
-    simulator: Simulator | None = None,
-) -> Watch:
+def watch_of(diagnosis: Path, what: Path, log: Path | None, section: Mapping[str, Any]) -> Watch:
     """A watch under the settings of a section; the log lies beside what is watched unless said otherwise."""
     settings = build(WatchSettings, section, "watch")
     log = log or what.with_name(f"{what.name}.watch.jsonl")
     if log.parent != Path() and not log.parent.is_dir():
         raise UsageError(f"--log {log}: no folder {log.parent}")
-    return Watch(diagnosis, what, log, settings, simulator)
+    return Watch(diagnosis, what, log, settings)
 
 
 def watched(watch: Watch, once: bool, wait: Callable[[float], None] = time.sleep) -> Iterator[Watched]:

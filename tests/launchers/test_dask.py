@@ -163,10 +163,10 @@ def points():
 
 
 def sweep(launcher):
-    from gpsim.stages import grid
+    from gpsim.stages import full_loop
 
     told = Mock(update=silent)
-    artifact, missing = grid.run(grid.grid_of(points(), "collect"), launcher, told)
+    artifact, missing = full_loop.run_grid(full_loop.grid_of(points(), "collect"), launcher, told)
     assert missing == 0
     return artifact, [call.args[2] for call in told.made.mock_calls]
 
