@@ -5,27 +5,25 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from asking import asked
 from budgets import TINY
-from gpsim.cli.configuration import resolve
 
 from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
 from gpsim.launchers import Local
 from gpsim.recordings import read_recording
 from gpsim.stages import iterate
-from gpsim.stages.stage import Request
 
 SMALL = (*TINY, "collect.episodes=3", "gp.restarts=0", "gp.max_iterations=20", "gp.n_train=40", "rounds=2")
 
 
 def request(tmp_path, *words):
-    words = (*SMALL, f"runs_dir={tmp_path / 'runs'}", *words)
-    return Request(resolve(list(words), None), words)
+    return asked(*SMALL, f"runs_dir={tmp_path / 'runs'}", *words)
 
 
-def run(asked):
+def run(wanted):
     told = Mock()
-    artifact = iterate.run(asked, Local(0), told)
+    artifact = iterate.run(wanted, Local(0), told)
     return artifact, [(job, existed) for job, _, existed in (call.args for call in told.made.mock_calls)]
 
 
@@ -91,7 +89,7 @@ def test_a_sweep_comes_before_the_first_drive_and_stays_below_all(tmp_path, gain
     gaining(10.0, 5.0, -5.0)
     words = ("rounds=2", "collect.episodes=2", f"runs_dir={tmp_path / 'runs'}")
     small = ("experiment=limo", "budget=smoke", "policy.total_steps=800", "evaluate.episodes=12")
-    _, said = run(Request(resolve([*small, *words], None), (*small, *words)))
+    _, said = run(asked(*small, *words))
     made = [what for what, existed in said if not existed]
     assert made[:4] == ["policy 0", "sweep", "drive 0", "residuals 0"]
     drives = [read_recording(path) for path in sorted((tmp_path / "runs/limo/drive").glob("v*"))]

@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import asking
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
 from made_posteriors import made_explanation, made_posterior
 
@@ -21,7 +21,6 @@ from gpsim.stages import certify, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.diagnosis_files import POSTERIOR
 from gpsim.stages.export import export_policy
-from gpsim.stages.stage import Request
 
 TINY = (
     "policy.total_steps=128", "policy.n_envs=2", "policy.n_steps=32", "policy.n_epochs=1", "evaluate.episodes=6",
@@ -56,8 +55,7 @@ def diagnosed(folder, low=4.0, *, posterior=True):
 
 
 def request(tmp_path, *words):
-    words = (*TINY, f"runs_dir={tmp_path / 'runs'}", *words)
-    return Request(resolve(list(words), None), words)
+    return asking.asked(*TINY, f"runs_dir={tmp_path / 'runs'}", *words)
 
 
 def test_a_policy_is_trained_in_draws_and_says_what_it_survives(tmp_path):

@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import asking
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
 from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
 from made_runs import snapshot, spoil
@@ -29,11 +29,11 @@ SECTIONS = (
 
 
 def asked(place: Path, *words: str) -> Request:
-    return Request(resolve([f"runs_dir={place / 'runs'}", *words], None), words)
+    return replace(asking.asked(f"runs_dir={place / 'runs'}", *words), words=words)
 
 
 def record(folder: Path) -> None:
-    base = base_plant(resolve([], None))
+    base = base_plant(asking.asked().config)
     rng = np.random.default_rng(0)
     episodes = tuple(
         Episode(str(i), 0.02 * np.arange(31), rng.normal(size=(31, 4)), rng.normal(size=(30, 1)))
@@ -98,7 +98,7 @@ def changed(request: Request, way: tuple[str, ...], value: object) -> Request:
 
 
 def numbers() -> list[tuple[tuple[str, ...], object]]:
-    config = resolve([], None)
+    config = asking.asked().config
     ways = flat({name: plain(config[name]) for name in SECTIONS})
     return [(way, v) for way, v in sorted(ways.items()) if isinstance(v, int | float)]
 
