@@ -38,12 +38,11 @@ def _export() -> None:
     pass
 
 
-def _tell(made: Path, notes: Sequence[str], /, *, format: str | None = None, **more: Any) -> None:
-    """What was written, and what is in it. more: what it was made of, and what else a program asks."""
+def _tell(made: Path, notes: Sequence[str], of: dict[str, Path], form: str = "", **more: Any) -> None:
+    """What was written, of what, and what is in it; more: what else a program asks."""
     say(f"export: {made}")
     say_all(notes, "  ")
-    paths = {name: more.pop(name) for name in list(more) if isinstance(more[name], Path)}
-    answer(paths | {"export": made}, **({"format": format} if format else {}), notes=notes, **more)
+    answer(of | {"export": made}, **({"format": form} if form else {}), notes=notes, **more)
 
 
 @export_app.command("recording")
@@ -63,7 +62,7 @@ def recording_command(
     # Imported here: rosbags and pandas take a second to load, and `--help` should not wait for it.
     from gpsim.stages.export import export_recording
 
-    _tell(out, export_recording(path, form, out), recording=path, format=form)
+    _tell(out, export_recording(path, form, out), {"recording": path}, form)
 
 
 @export_app.command("diagnosis")
@@ -82,7 +81,7 @@ def diagnosis_command(
     from gpsim.stages.export import export_diagnosis
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
-    _tell(made, notes, diagnosis=folder, format="mcap")
+    _tell(made, notes, {"diagnosis": folder}, "mcap")
 
 
 @export_app.command("model")
@@ -101,7 +100,7 @@ def model_command(
     from gpsim.stages.export import export_corrected_model, told
 
     made, notes = export_corrected_model(folder, out, urdf)
-    _tell(out, notes, diagnosis=folder, **told(made))
+    _tell(out, notes, {"diagnosis": folder}, **told(made))
 
 
 @export_app.command("policy")
@@ -132,7 +131,7 @@ def policy_command(
             f"export policy: settings, such as {words[0]}, are of --monitor; add it or leave them out"
         )
     watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
-    _tell(out, export_policy(path, out, watched), policy=path)
+    _tell(out, export_policy(path, out, watched), {"policy": path})
 
 
 def view_command(

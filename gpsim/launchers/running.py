@@ -198,10 +198,11 @@ def run_in(place: Place, tasks: Sequence[Task], keep_going: bool) -> Iterator[Ou
         done = list(_waited_for(ended)) if running else []
         place.look(unfinished)
         outcomes = [_outcome(place, running.pop(future), future) for future in done]
-        wrong = [outcome for outcome in outcomes if outcome.error is not None]
-        if wrong and not keep_going:  # a failure comes first, and nothing is begun behind it
-            raise wrong[0].error or AssertionError
-        failed += [outcome.label for outcome in wrong]
+        for outcome in outcomes:  # a failure comes first, and nothing is begun behind it
+            if outcome.error is not None:
+                if not keep_going:
+                    raise outcome.error
+                failed.append(outcome.label)
         for outcome in outcomes:
             unfinished -= 1
             order.done(outcome.label)

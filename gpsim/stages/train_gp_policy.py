@@ -52,10 +52,8 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     request = _settled(request)
-    task, correction, prediction = (
-        make_task(request.config),
-        *map(request.config.get, ("correction", "prediction")),
-    )
+    task = make_task(request.config)
+    correction, prediction = request.config["correction"], request.config["prediction"]
     of = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[str(correction)]
     purpose = f"train-gp-policy/posterior/{correction}" if robust(request) else f"train-gp-policy/{of}"
     events = train_source.events_of(request, recipe, purpose)

@@ -223,7 +223,7 @@ def test_help_and_version_are_for_people(words, gpsim):
 def test_a_fault_of_the_program_is_an_object_and_a_traceback(monkeypatch, capfd):
     from gpsim.cli import main as module
 
-    monkeypatch.setattr("gpsim.cli.diagnose.split_words", lambda words: 1 // 0)
+    monkeypatch.setattr("gpsim.cli.options.split_words", lambda words: 1 // 0)
     monkeypatch.setattr(sys, "argv", ["gpsim", "diagnose", "x", "--json"])
     with pytest.raises(ZeroDivisionError):
         module.main()
@@ -251,7 +251,7 @@ def test_what_others_print_does_not_disturb_the_object(tmp_path):
         "def loud(words):\n"
         "    print('from Python'); os.write(1, b'from below\\n')\n"
         "    raise module.UsageError('enough')\n"
-        "sys.modules['gpsim.cli.diagnose'].split_words = loud\n"
+        "sys.modules['gpsim.cli.options'].split_words = loud\n"
         "sys.argv = ['gpsim', 'diagnose', 'x', '--json']\n"
         "module.main()\n"
     )
