@@ -114,7 +114,11 @@ def read_residuals(artifact: Artifact) -> Residuals:
 def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
     """residuals.json; recorded: how many transitions the recording has."""
     train = ~residuals.test
-    spread, measured = residuals.values[train].std(axis=0), residuals.measured[train].std(axis=0)
+    # Column by column: all at once, the last digits are others.
+    spread, measured = (
+        {name: float(values[train, i].std()) for i, name in enumerate(residuals.rate.names)}
+        for values in (residuals.values, residuals.measured)
+    )
     wraps = [channel.name for channel in residuals.channels if channel.wraps]
     left_out = recorded - len(residuals.t)
     return {
@@ -126,8 +130,8 @@ def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
             "test": int(residuals.test.sum()),
             **({"over_a_gap": left_out} if left_out else {}),
         },
-        "residual_std": dict(zip(residuals.rate.names, spread.tolist(), strict=True)),
-        "measured_std": dict(zip(residuals.rate.names, measured.tolist(), strict=True)),
+        "residual_std": spread,
+        "measured_std": measured,
     }
 
 
