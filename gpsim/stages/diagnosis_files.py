@@ -108,8 +108,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         write_json(folder / POSTERIOR, left_open_data(posterior_of(found)))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
-        if (corrected := found.comparison.corrected) is not None:
-            write_gp(folder, corrected.learnt.predictor, corrected.learnt.features)
+        write_process(folder, found)
     if len(mishaps.lines) > before:
         for half in set(folder.iterdir()) - there:
             half.unlink()
@@ -134,6 +133,12 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
+
+
+def write_process(folder: Path, found: Outcome) -> None:
+    """The Gaussian process on the remainder, where there is one."""
+    if (corrected := found.comparison.corrected) is not None:
+        write_gp(folder, corrected.learnt.predictor, corrected.learnt.features)
 
 
 def read_trace(folder: Path) -> list[Decision]:
