@@ -116,9 +116,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     if task is not None:
         trips = certify.drive_all(request, recipe, folder, names, _training_plants(request, recipe))
     returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
-    certified = pd.read_csv(recipe.parents["certified"].path / "certified.csv")["certified"].to_numpy(
-        dtype=np.bool_
-    )
+    starts = pd.read_csv(recipe.parents["certified"].path / "certified.csv")
+    certified = starts["certified"].to_numpy(dtype=np.bool_)
     table = pd.DataFrame({**returns, "certified": certified.astype(int)})
     table.to_csv(folder / "returns.csv", index_label="start", lineterminator="\n")
     reached = {name: trip.reached[None] for name, trip in trips.items()} or None
@@ -137,8 +136,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     evaluation = {"experiment": request.config["experiment"], "seed": request.seed, "seeds": [request.seed]}
     if "measured_on" in recipe.config:
         evaluation["measured_on"] = recipe.config["measured_on"]
-    evaluation |= {key: layers.summarise_all(alone, starts) for key, starts in by_set.items()}
-    evaluation |= {"share": {key: float(starts.mean()) for key, starts in by_set.items()}, **solved}
+    evaluation |= {key: layers.summarise_all(alone, chosen) for key, chosen in by_set.items()}
+    evaluation |= {"share": {key: float(chosen.mean()) for key, chosen in by_set.items()}, **solved}
     evaluation["outside_recording"] = outside
     if "Posterior" in recipe.parents:
         evaluation |= certify.robustness(request, recipe, returns)
