@@ -26,13 +26,9 @@ def build(cls: type[T], values: Mapping[str, Any], where: str, **fixed: Any) -> 
     if unknown:
         raise UsageError(f"{where}: no setting '{unknown[0]}'; there are: {', '.join(free)}")
     arguments = {key: _checked(value, hints[key], f"{where}.{key}") for key, value in given.items()}
-    missing = [
-        name
-        for name, field in fields.items()
-        if name not in {**arguments, **fixed}
-        and field.default is dataclasses.MISSING
-        and field.default_factory is dataclasses.MISSING
-    ]
+    none = dataclasses.MISSING
+    needed = [name for name, f in fields.items() if f.default is none and f.default_factory is none]
+    missing = [name for name in needed if name not in arguments and name not in fixed]
     if missing:
         raise UsageError(f"{where}: setting '{missing[0]}' is missing")
     try:
