@@ -22,7 +22,7 @@ from gpsim.diagnosis.setup import Question, candidates, prepare
 from gpsim.errors import UsageError
 from gpsim.posterior import Explanation, LeftOpen, visited_of
 from gpsim.simulators import make_simulator
-from gpsim.stages.plan import planned
+from gpsim.stages.plan import Asked, planned
 from gpsim.trials.concealing import MINUTES, conceal
 from gpsim.trials.drawing import HIDDEN, box_of
 from gpsim.trials.figures import plan_figures
@@ -105,7 +105,7 @@ def tried(seed: int, number: int, words: Sequence[str]) -> dict[str, object]:
         section = {"box": box_of(world), **{k: float(v) for k, v in (word.split("=") for word in words)}}
         commands = None
         try:
-            plan, _ = planned(open_still, plant, section, MINUTES, np.random.default_rng(number))
+            plan, _ = planned(open_still, plant, section, Asked(MINUTES, seed=number))
             commands = plan.commands
             print(
                 "  "

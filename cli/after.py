@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -13,54 +12,52 @@ from gpsim.errors import UsageError
 from . import completion
 from .answers import NO_LONGER_HOLDS, answer, say, say_all
 from .diagnose import Cores
-from .options import CORES, DryRun, Out, Setup, refuse_unused, say_made, split_words, spread
+from .options import CORES, DryRun, Out, Setup, option, refuse_unused, say_made, split_words, spread, words_of
 from .progress import note
 
-DiagnosisWords = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="DIAGNOSIS... [KEY=VALUE]...",
-        help="Folders of finished diagnoses of one machine, then settings, as 'plan.box={q: [-1, 1]}'.",
-        autocompletion=completion.diagnoses,
-    ),
-]
-Minutes = Annotated[float, typer.Option("--minutes", help="How long the plan may take.")]
-Anew = Annotated[
-    bool,
-    typer.Option(
-        "--anew", help="Somebody puts the machine back to rest before each piece: it need not return."
-    ),
-]
-Policy = Annotated[
-    Path | None,
-    typer.Option(
+PLAN_USED = ("seed", "plan", "experiment", "runs_dir")
+WATCH_USED = ("watch", "experiment", "runs_dir")
+
+
+@dataclass
+class Planned:
+    """What is asked beside diagnoses and settings."""
+
+    minutes: float = option(2.0, "--minutes", help="How long the plan may take.")
+    anew: bool = option(
+        False, "--anew", help="Somebody puts the machine back to rest before each piece: it need not return."
+    )
+    policy: Path | None = option(
+        None,
         "--policy",
         metavar="DIR",
         help="A finished policy that steers the machine meanwhile: the plan is added to its commands.",
         autocompletion=completion.policies,
-    ),
-]
-PLAN_USED = ("seed", "plan", "experiment", "runs_dir")
+    )
+    out: Out = None
+    cores: Cores = None
 
 
 @dataclass
 class PlanSetup(Setup):
     """Diagnoses stand before the settings."""
 
-    words: DiagnosisWords = None
+    words: list[str] | None = words_of(
+        "DIAGNOSIS... [KEY=VALUE]...",
+        "Folders of finished diagnoses of one machine, then settings, as 'plan.box={q: [-1, 1]}'.",
+        completion.diagnoses,
+    )
+
+
+@dataclass
+class WatchSetup(Setup):
+    """Its settings are few."""
+
+    words: list[str] | None = words_of("[KEY=VALUE]...", "Settings, as watch.stretch=120.", completion.words)
 
 
 @spread
-def plan_command(
-    *,
-    minutes: Minutes = 2.0,
-    anew: Anew = False,
-    policy: Policy = None,
-    out: Out = None,
-    cores: Cores = None,
-    given: PlanSetup,
-    dry_run: DryRun = False,
-) -> None:
+def plan_command(*, asked: Planned, given: PlanSetup, dry_run: DryRun = False) -> None:
     """Plan the next recording: safe commands under which the explanations that a diagnosis left open differ most."""
     diagnoses, settings = split_words(given.words or [])
     refuse_unused("plan", settings, PLAN_USED)
@@ -73,10 +70,10 @@ def plan_command(
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
-    from gpsim.stages.plan import plan_of, stage_for
+    from gpsim.stages.plan import Asked, plan_of, stage_for
 
-    made = setup.make(stage_for(diagnoses, minutes, anew, policy), out, dry_run, cores=cores or CORES)
-    if made is None:
+    stage = stage_for(diagnoses, Asked(asked.minutes, asked.anew, asked.policy))
+    if (made := setup.make(stage, asked.out, dry_run, cores=asked.cores or CORES)) is None:
         return
     artifact, existed = made
     facts = plan_of(artifact)
@@ -85,43 +82,23 @@ def plan_command(
     answer(paths_of("plan", artifact.path), made=not existed, plan=dict(facts))
 
 
-What = Annotated[
-    Path,
-    typer.Argument(
+@spread
+def watch_command(
+    *,
+    what: Path = typer.Argument(
         metavar="LOG|FOLDER",
         help="A recording, a CSV that is being written, or a folder into which recordings come.",
     ),
-]
-WatchWords = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[KEY=VALUE]...", help="Settings, as watch.stretch=120.", autocompletion=completion.words
+    diagnosis: Path = typer.Option(
+        ..., "--diagnosis", metavar="DIR", help="The account.", autocompletion=completion.diagnoses
     ),
-]
-DiagnosisDir = Annotated[
-    Path, typer.Option("--diagnosis", metavar="DIR", help="The account.", autocompletion=completion.diagnoses)
-]
-Log = Annotated[
-    Path | None,
-    typer.Option(
+    log: Path | None = typer.Option(
+        None,
         "--log",
         help="JSON lines, an object a recording; what it holds is not looked at again. Else LOG|FOLDER.watch.jsonl.",
     ),
-]
-Once = Annotated[bool, typer.Option("--once", help="Look at what is there and end, for a CI job or cron.")]
-WATCH_USED = ("watch", "experiment", "runs_dir")
-
-
-@dataclass
-class WatchSetup(Setup):
-    """Its settings are few."""
-
-    words: WatchWords = None
-
-
-@spread
-def watch_command(
-    *, what: What, diagnosis: DiagnosisDir, log: Log = None, once: Once = False, setup: WatchSetup
+    once: bool = typer.Option(False, "--once", help="Look at what is there and end, for a CI job or cron."),
+    setup: WatchSetup,
 ) -> None:
     """Say of every new recording whether an old account still holds; exit code 4 where it no longer does."""
     refuse_unused("watch", setup.words or [], WATCH_USED)
@@ -141,18 +118,17 @@ def watch_command(
         raise typer.Exit(NO_LONGER_HOLDS)
 
 
-Replay = Annotated[
-    list[Path] | None,
-    typer.Option(
+@spread
+def deploy_command(
+    *,
+    replay: list[Path] | None = typer.Option(
+        None,
         "--replay",
         metavar="LOG",
         help="A log of the policy at work, read by collect.mapping, or a recording's folder; may be given again.",
     ),
-]
-
-
-@spread
-def deploy_command(*, replay: Replay = None, setup: Setup) -> None:
+    setup: Setup,
+) -> None:
     """Watch recorded drives as the monitor of a safe deployment would have: when it stops them, and why.
 
     It predicts each step with the simulator that correction= says, and stops where the errors are no longer usual, or

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Any, TextIO
 
 import typer
 from rich.console import Console
@@ -20,27 +20,25 @@ from gpsim.errors import near
 from gpsim.files import plain
 from gpsim.reports.sheets import printable
 
-from .everywhere import QUIET, Flag
-from .everywhere import Path as CommandPath
-
-SCHEMA = "gpsim.cli/1"
-NAME = "as_json"
-OPTION = "--json"
-AsJson = Annotated[
-    bool, typer.Option(OPTION, help="One JSON object on stdout: paths, verdict, figures; all else on stderr.")
-]
-NO_LONGER_HOLDS = 4  # exit code of a watch, which has a result then
+SCHEMA, OPTION = "gpsim.cli/1", "--json"
+CommandPath = tuple[str, ...]
+"""Where a command stands: ("run", "full-loop"); () is gpsim itself."""
+NO_LONGER_HOLDS, INTERRUPTED_CODE = 4, 130
 KINDS = {
     1: "internal",
     2: "bad_input",
     3: "no_diagnosis",
-    NO_LONGER_HOLDS: "no_longer_holds",
-    130: "interrupted",
+    NO_LONGER_HOLDS: "no_longer_holds",  # of a watch, which has a result then
+    INTERRUPTED_CODE: "interrupted",
     143: "terminated",
 }
 """What went wrong, by exit code."""
-INTERRUPTED_CODE = 130
 STDOUT = 1  # its file descriptor
+FEW = 10  # commands of a group that are named where none is meant
+PLAIN = str.maketrans(
+    dict.fromkeys("█▉▊▋▌", "#") | dict.fromkeys("▍▎▏", ".") | dict(zip("–…·²³→±", "-.-23>~", strict=True))
+)
+"""For a terminal that has ASCII alone: a letter for a letter, so that tables stay tables."""
 
 
 @dataclass
@@ -82,42 +80,42 @@ class Answer:
     def object(self, code: int, message: str) -> dict[str, Any]:
         """The answer as it is printed."""
         head: dict[str, Any] = {"schema": SCHEMA, "command": " ".join(self.command), "exit_code": code}
-        if code:
-            error = {"kind": KINDS.get(code, "failed"), "message": message or self.refused}
-            made = {"paths": self.paths} if self.paths else {}
-            said = self.content if code == NO_LONGER_HOLDS else {}
-            return head | {"error": error} | made | said | {"warnings": self.warnings}
-        return head | {"paths": self.paths, **self.content, "warnings": self.warnings}
+        if not code:
+            return head | {"paths": self.paths, **self.content, "warnings": self.warnings}
+        head["error"] = {"kind": KINDS.get(code, "failed"), "message": message or self.refused}
+        made = {"paths": self.paths} if self.paths else {}
+        return head | made | (self.content if code == NO_LONGER_HOLDS else {}) | {"warnings": self.warnings}
 
 
 ANSWER: ContextVar[Answer | None] = ContextVar("answer", default=None)
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
 
-def _heard(path: CommandPath) -> None:
-    if (now := ANSWER.get()) is not None:
-        now.asked = True
+def begin(words: Sequence[str]) -> Answer:
+    """The answer to a command line."""
+    made = Answer(typed=OPTION in (words[: words.index("--")] if "--" in words else words))
+    ANSWER.set(made)
+    return made
 
 
-def _begins(path: CommandPath) -> None:
-    if (now := ANSWER.get()) is None or not path:
+def heard(path: CommandPath, as_json: bool) -> None:
+    """A command, or a group above it, begins; as_json: `--json` was given there."""
+    if (now := ANSWER.get()) is None:
         return
+    now.asked = now.asked or as_json
     now.command = path
-    if now.asked:
+    if path and now.asked:
         now.begun = True
         now.reserve()
 
 
-FLAG = Flag(NAME, AsJson, _heard, _begins)
-
-
 def answer(paths: Mapping[str, Path | str | None] | None = None, **content: Any) -> None:
     """Say a command's result, once or in parts. paths: what was made, by what it is; content: JSON's own types."""
-    if (now := ANSWER.get()) is None:
-        return
-    now.paths |= {
-        name: str(Path(path).absolute()) for name, path in (paths or {}).items() if path is not None
-    }
-    now.content |= content
+    if (now := ANSWER.get()) is not None:
+        given = {name: path for name, path in (paths or {}).items() if path is not None}
+        now.paths |= {name: str(Path(path).absolute()) for name, path in given.items()}
+        now.content |= content
 
 
 def warned(line: str) -> None:
@@ -132,7 +130,14 @@ def asked() -> bool:
     return now is not None and now.asked
 
 
-FEW = 10  # commands of a group that are named where none is meant
+def finish(code: int, message: str = "") -> None:
+    """Print the object, if it is wanted: that of a finished command, or of an error."""
+    now = ANSWER.get()
+    if now is None or not (now.begun or (now.typed and code)):
+        return
+    now.release()
+    ANSWER.set(None)
+    print(json.dumps(plain(now.object(code, message)), allow_nan=False), flush=True)
 
 
 @contextmanager
@@ -147,56 +152,31 @@ def refusals() -> Iterator[None]:
         if (now := ANSWER.get()) is not None:
             now.refused = line
         print(f"error: {line}", file=sys.stderr)
-        raise SystemExit(error.exit_code if hasattr(error, "exit_code") else 2) from None
+        raise SystemExit(getattr(error, "exit_code", 2)) from None
 
 
 def _refusal(error: Any) -> str:
     """What is wrong, what was meant, and where one reads on."""
     said = " ".join(str(error.format_message()).split())
     said = re.sub(r"[.;]? *(\(?Possible options:|\(?Did you mean).*$", "", said).removesuffix(".")
-    context = getattr(error, "ctx", None)
-    if context is None:
-        return f"{said[:1].lower()}{said[1:]}"
+    said = f"{said[:1].lower()}{said[1:]}"
+    if (context := getattr(error, "ctx", None)) is None:
+        return said
+    command, meant = context.command, ""
     where = f"gpsim{context.command_path.removeprefix(context.find_root().info_name or '')}"
-    command = context.command
-    commands = sorted(getattr(command, "commands", {}))
-    meant, more = "", f"{where} -h lists its options"
+    commands, more = sorted(getattr(command, "commands", {})), f"{where} -h lists its options"
     if option := getattr(error, "option_name", None):
         known = [o[2:] for p in command.get_params(context) for o in p.opts if o.startswith("--")]
         meant = near(option.lstrip("-"), known).replace("'", "'--", 1)
-    elif found := re.match("No such command '(.*)'$", said):
+    elif found := re.match("no such command '(.*)'$", said):
         meant = near(found[1], commands)
         more = f"there are: {', '.join(commands)}" if len(commands) <= FEW else f"{where} -h lists them"
-    return f"{where}: {said[:1].lower()}{said[1:]}{meant}; {more}"
-
-
-def begin(words: Sequence[str]) -> Answer:
-    """The answer to a command line."""
-    before = words[: words.index("--")] if "--" in words else words
-    made = Answer(typed=OPTION in before)
-    ANSWER.set(made)
-    return made
-
-
-def finish(code: int, message: str = "") -> None:
-    """Print the object, if it is wanted: that of a finished command, or of an error."""
-    now = ANSWER.get()
-    if now is None or not (now.begun or (now.typed and code)):
-        return
-    now.release()
-    ANSWER.set(None)
-    print(json.dumps(plain(now.object(code, message)), allow_nan=False), flush=True)
-
-
-PLAIN = str.maketrans(
-    dict.fromkeys("█▉▊▋▌", "#") | dict.fromkeys("▍▎▏", ".") | dict(zip("–…·²³→±", "-.-23>~", strict=True))
-)
-"""For a terminal that has ASCII alone: a letter for a letter, so that tables stay tables."""
+    return f"{where}: {said}{meant}; {more}"
 
 
 def say(line: object = "") -> None:
     """Print one line, or several, without control characters: with --json to stderr, and then not if --quiet."""
-    if _nobody_reads():
+    if asked() and QUIET.get():
         return
     text = printable(line)
     encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
@@ -214,9 +194,11 @@ def say_all(lines: Iterable[object], indent: str = "") -> None:
 
 
 def console(width: int | None = None, *, highlight: bool = True) -> Console:
-    """Where tables are printed, as `say` prints lines."""
-    return Console(width=width, highlight=highlight, quiet=_nobody_reads())
-
-
-def _nobody_reads() -> bool:
-    return asked() and QUIET.get()
+    """Where tables are printed, as `say` prints lines. width: where no terminal has one, as a log."""
+    quiet = asked() and QUIET.get()
+    found = Console(highlight=highlight, quiet=quiet)
+    return (
+        found
+        if found.is_terminal or width is None
+        else Console(width=width, highlight=highlight, quiet=quiet)
+    )

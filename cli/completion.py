@@ -5,56 +5,51 @@ Typer calls these with what is typed of a word. Bash cuts words at `=`: there th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 import typer
 
 LOGS = (".bag", ".db3", ".mcap", ".mat", ".csv", ".parquet")
-POLICIES = ("train-source", "train-gp-policy")
 LISTS = tuple(f"diagnose.families.{name}" for name in ("only", "without", "require", "also"))
 """Settings whose values are lists of families."""
 RECORDED = ("recording", "collect.source", "deployed")
-FORMATS = ("mcap", "csv", "parquet")
 OF_A_LOG = ("rate=", "dt=", "gap_limit=", "files=")
 WHOLE = "@package _global_"  # in a file of settings that are not below its group's name
+CONF = files("gpsim.conf")
 
 
 def words(ctx: typer.Context, incomplete: str) -> list[str]:
     """`key=value` words of a command: groups with their choices, keys, experiments, families, recordings."""
     found = _behind_equals(ctx, incomplete)
-    return found if found is not None else _begin([f"{name}=" for name in (*groups(), *_keys())], incomplete)
-
-
-def _behind_equals(ctx: typer.Context, incomplete: str) -> list[str] | None:
-    """The values of the key that is typed; None where none is yet."""
-    key, equals, value = incomplete.partition("=")
-    typed = _typed(ctx)
-    if not incomplete and typed and "=" not in typed[-1]:  # Click takes a `=` by itself for nothing
-        return values_of(typed[-1], "") or None
-    if len(typed) > 1 and typed[-1] == "=":
-        return values_of(typed[-2], incomplete)
-    return [f"{key}={found}" for found in values_of(key, value)] if equals else None
-
-
-def _typed(ctx: typer.Context) -> list[str]:
-    """The words before the one that is completed."""
-    return [str(word) for name in ("words", "sources") for word in ctx.params.get(name) or ()]
+    return found if found is not None else _begin([f"{name}=" for name in (*groups(), *keys())], incomplete)
 
 
 def diagnose_words(ctx: typer.Context, incomplete: str) -> list[str]:
     """A recording or a raw log first, then the settings that count beside one, or what is what in the log."""
     if (found := _behind_equals(ctx, incomplete)) is not None:
         return found
-    named = [f"{name}=" for name in ("seed", "experiment", "runs_dir", *_keys()) if _counts(name)]
+    top = ("seed", "experiment", "runs_dir")
+    named = [f"{key}=" for key in (*top, *keys()) if key in top or key.startswith("diagnose.")]
     return [*recordings(incomplete), *_begin([*named, *OF_A_LOG, *_channels(ctx)], incomplete)]
 
 
-def _counts(name: str) -> bool:
-    return name in ("seed", "experiment", "runs_dir") or name.startswith("diagnose.")
+def import_words(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Logs first, then changes of the mapping."""
+    return [*_below(incomplete, LOGS), *_begin([*OF_A_LOG, *_channels(ctx)], incomplete)]
+
+
+def _behind_equals(ctx: typer.Context, incomplete: str) -> list[str] | None:
+    """The values of the key that is typed; None where none is yet."""
+    key, equals, value = incomplete.partition("=")
+    typed = [str(word) for name in ("words", "sources") for word in ctx.params.get(name) or ()]
+    if not incomplete and typed and "=" not in typed[-1]:  # Click takes a `=` by itself for nothing
+        return values_of(typed[-1], "") or None
+    if len(typed) > 1 and typed[-1] == "=":
+        return values_of(typed[-2], incomplete)
+    return [f"{key}={found}" for found in values_of(key, value)] if equals else None
 
 
 def _channels(ctx: typer.Context) -> list[str]:
@@ -63,11 +58,6 @@ def _channels(ctx: typer.Context) -> list[str]:
 
     kind = SIMULATORS.get(str(ctx.params.get("simulator")))
     return [] if kind is None else [f"{name}=" for name in (*kind().state.names, *kind().action.names)]
-
-
-def import_words(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Logs first, then changes of the mapping."""
-    return [*_below(incomplete, LOGS), *_begin([*OF_A_LOG, *_channels(ctx)], incomplete)]
 
 
 def values_of(key: str, value: str) -> list[str]:
@@ -80,23 +70,18 @@ def values_of(key: str, value: str) -> list[str]:
         return artifacts(("diagnose",), value)
     if key in RECORDED:
         return recordings(value)
-    if key in ("simulator.name",):
-        return _begin(simulators(), value)
-    if key == "collect.mapping":
-        return _begin(mappings(), value)
-    return _begin(groups().get(key, []), value)
+    named = {"simulator.name": simulators, "collect.mapping": mappings}
+    return _begin(named[key]() if key in named else groups().get(key, []), value)
 
 
 def groups() -> dict[str, list[str]]:
     """Every group of the configuration with its choices: `gp` -> jump, raw ..."""
-    found: dict[str, list[str]] = {}
-    for folder in _conf().iterdir():
-        if folder.is_dir() and not folder.name.startswith("_") and folder.name != "mapping":
-            choices = sorted(
-                f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml")
-            )
-            found |= {folder.name: choices} if choices else {}
-    return dict(sorted(found.items()))
+    found = {}
+    for folder in sorted((f for f in CONF.iterdir() if f.is_dir()), key=lambda f: f.name):
+        choices = sorted(f.name.removesuffix(".yaml") for f in folder.iterdir() if f.name.endswith(".yaml"))
+        if choices and folder.name != "mapping":
+            found[folder.name] = choices
+    return found
 
 
 def families() -> list[str]:
@@ -115,12 +100,7 @@ def simulators() -> list[str]:
 
 def mappings() -> list[str]:
     """The mappings that come with gpsim."""
-    return sorted(f.name.removesuffix(".yaml") for f in _conf().joinpath("mapping").iterdir())
-
-
-def recordings(incomplete: str) -> list[str]:
-    """Recordings below runs/, and folders and logs at the place that is typed."""
-    return list(dict.fromkeys([*artifacts(("collect", "import"), incomplete), *_below(incomplete, LOGS)]))
+    return sorted(f.name.removesuffix(".yaml") for f in CONF.joinpath("mapping").iterdir())
 
 
 def artifacts(stages: Sequence[str], incomplete: str) -> list[str]:
@@ -129,50 +109,41 @@ def artifacts(stages: Sequence[str], incomplete: str) -> list[str]:
     return _begin([str(path) for path in sorted(found, reverse=True)], incomplete)
 
 
-def simulator_names(incomplete: str) -> list[str]:
-    """A registered simulator, or a file of one's own."""
-    return [*_begin(simulators(), incomplete), *_below(incomplete, (".py",))]
+def recordings(incomplete: str) -> list[str]:
+    """Recordings below runs/, and folders and logs at the place that is typed."""
+    return list(dict.fromkeys([*artifacts(("collect", "import"), incomplete), *_below(incomplete, LOGS)]))
 
 
-def mapping_names(incomplete: str) -> list[str]:
-    """A mapping that comes with gpsim, or a file of one's own."""
-    return [*_begin(mappings(), incomplete), *_below(incomplete, (".yaml", ".yml"))]
+Completer = Callable[[str], list[str]]
 
 
-def formats(incomplete: str) -> list[str]:
-    """What `gpsim export recording` writes."""
-    return _begin(FORMATS, incomplete)
+def either(named: Callable[[], Iterable[str]], endings: Sequence[str] | None = None) -> Completer:
+    """A name of a list or, with endings, also a file of one's own."""
+    return lambda incomplete: [
+        *_begin(named(), incomplete),
+        *([] if endings is None else _below(incomplete, endings)),
+    ]
 
 
-def diagnoses(incomplete: str) -> list[str]:
-    """Finished diagnoses."""
-    return [*artifacts(("diagnose",), incomplete), *_below(incomplete, ())]
+def finished(*stages: str) -> Completer:
+    """An artifact of these stages below runs/, or a folder."""
+    return lambda incomplete: [*artifacts(stages, incomplete), *_below(incomplete, ())]
 
 
-def policies(incomplete: str) -> list[str]:
-    """Trained policies."""
-    return [*artifacts(POLICIES, incomplete), *_below(incomplete, ())]
+simulator_names, mapping_names = either(simulators, (".py",)), either(mappings, (".yaml", ".yml"))
+diagnoses, policies = finished("diagnose"), finished("train-source", "train-gp-policy")
+formats = either(lambda: ("mcap", "csv", "parquet"))
+strata = either(lambda: ("single", "pair", "triple", "none", "unknown"))
 
 
-def strata(incomplete: str) -> list[str]:
-    """Kinds of worlds of a proof."""
-    return _begin(("single", "pair", "triple", "none", "unknown"), incomplete)
-
-
-def _conf() -> Traversable:
-    return files("gpsim.conf")
-
-
-def _keys() -> list[str]:
+def keys() -> list[str]:
     """Dotted keys of the configuration, of every choice of its groups."""
     import yaml  # it takes a moment that `--help` has no use for
 
     found: dict[str, None] = {}
-    for name, prefix in [
-        ("config.yaml", ""),
-        *((f"{g}/{c}.yaml", f"{g}.") for g, cs in groups().items() for c in cs),
-    ]:
-        text = _conf().joinpath(name).read_text(encoding="utf-8")
+    choices = [(f"{group}/{choice}.yaml", f"{group}.") for group, own in groups().items() for choice in own]
+    for name, prefix in [("config.yaml", ""), *choices]:
+        text = CONF.joinpath(name).read_text(encoding="utf-8")
         content = yaml.safe_load(text) or {}
         content.pop("defaults", None)
         found |= dict.fromkeys(_dotted(content, "" if WHOLE in text.partition("\n")[0] else prefix))
@@ -193,16 +164,11 @@ def _begin(names: Iterable[str], incomplete: str) -> list[str]:
 
 def _below(incomplete: str, endings: Sequence[str]) -> list[str]:
     """Folders, with a slash, and files of these endings that begin as typed."""
-    folder, _, start = incomplete.rpartition("/")
-    at = f"{folder}/" if "/" in incomplete else ""
+    folder, slash, start = incomplete.rpartition("/")
     try:
-        children = sorted(Path(at or ".").iterdir())
+        found = sorted(p for p in Path(folder + slash or ".").iterdir() if p.name.startswith(start))
     except OSError:
         return []
-    kept = [
-        p
-        for p in children
-        if p.name.startswith(start) and (start.startswith(".") or not p.name.startswith("."))
-    ]
-    folders = [f"{at}{p.name}/" for p in kept if p.is_dir()]
-    return folders + [f"{at}{p.name}" for p in kept if p.is_file() and p.suffix.lower() in endings]
+    kept = [p for p in found if start.startswith(".") or not p.name.startswith(".")]
+    folders = [f"{folder}{slash}{p.name}/" for p in kept if p.is_dir()]
+    return folders + [f"{folder}{slash}{p.name}" for p in kept if p.is_file() and p.suffix.lower() in endings]

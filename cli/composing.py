@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -16,21 +14,12 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
-from gpsim.errors import UsageError, near
+from gpsim.errors import UsageError, near, nearest
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
-
-
-def composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
-    """The settings that the overrides `words` select; raises UsageError."""
-    with _hydra(config_dir):
-        try:
-            config = compose("config", overrides=list(words))
-            resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-        except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
-            raise UsageError(_one_line(error, words)) from error
-    assert isinstance(resolved, dict)
-    return {str(key): value for key, value in resolved.items()}
+_NO_CHOICE = re.compile(
+    r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*?)(?:Config search path|\Z)", re.DOTALL
+)
 
 
 class _UsersFolder(SearchPathPlugin):
@@ -44,33 +33,31 @@ class _UsersFolder(SearchPathPlugin):
             search_path.prepend("--config-dir", f"file://{self.folder}")
 
 
-@contextmanager
-def _hydra(config_dir: Path | None) -> Iterator[None]:
-    """Hydra, looking in the user's folder first."""
+def composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+    """The settings that the overrides `words` select; raises UsageError."""
     Plugins.instance().register(_UsersFolder)
     _UsersFolder.folder = config_dir.resolve() if config_dir is not None else None
     try:
         with initialize_config_module("gpsim.conf", version_base="1.3"):
-            yield
+            try:
+                config = compose("config", overrides=list(words))
+                resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+            except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
+                raise UsageError(_one_line(str(error) or type(error).__name__, words)) from error
     finally:
         _UsersFolder.folder = None
+    assert isinstance(resolved, dict)
+    return {str(key): value for key, value in resolved.items()}
 
 
-def _one_line(error: Exception, words: Sequence[str]) -> str:
-    text = str(error)
-    choices = re.search(
-        r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*?)(?:Config search path|\Z)",
-        text,
-        re.DOTALL,
-    )
-    if choices:
-        name, group, options = choices.group(1).split("/")[-1], choices.group(2), choices.group(3).split()
+def _one_line(text: str, words: Sequence[str]) -> str:
+    if choices := _NO_CHOICE.search(text):
+        name, group, options = choices[1].split("/")[-1], choices[2], choices[3].split()
         meant = near(name, options) or _elsewhere(name, group)
         return f"no '{name}' among the choices of {group}{meant}; there are: {', '.join(options)}"
-    word = _failing(error, words)
-    if word is not None:
+    if (word := _failing(text, words)) is not None:
         return _unknown_key(word, words)
-    said, culprit = " ".join(text.split()) or type(error).__name__, _culprit(words)
+    said, culprit = " ".join(text.split()), _culprit(words)
     if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
         return (
             f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
@@ -81,14 +68,10 @@ def _one_line(error: Exception, words: Sequence[str]) -> str:
 
 def _elsewhere(name: str, group: str) -> str:
     """What was meant, in parentheses, where another group has a choice that is called like it."""
-    found = {
-        p.name: g.name
-        for g in files("gpsim.conf").iterdir()
-        if g.is_dir() and g.name != group
-        for p in g.iterdir()
-    }
-    meant = difflib.get_close_matches(f"{name}.yaml", found, n=1, cutoff=0.8)
-    return f" (did you mean {found[meant[0]]}={meant[0].removesuffix('.yaml')}?)" if meant else ""
+    others = (g for g in files("gpsim.conf").iterdir() if g.is_dir() and g.name != group)
+    found = {choice.name: g.name for g in others for choice in g.iterdir()}
+    meant = nearest(f"{name}.yaml", found, 0.8)
+    return f" (did you mean {found[meant]}={meant.removesuffix('.yaml')}?)" if meant else ""
 
 
 def _culprit(words: Sequence[str]) -> str | None:
@@ -96,17 +79,16 @@ def _culprit(words: Sequence[str]) -> str | None:
     for word in words:
         try:
             compose("config", overrides=[word])
-        except Exception:  # as in resolve
+        except Exception:  # as in composed
             return word
     return None
 
 
-def _failing(error: Exception, words: Sequence[str]) -> str | None:
-    """The word whose key the configuration lacks, if that is what the error says."""
-    text = str(error)
+def _failing(text: str, words: Sequence[str]) -> str | None:
+    """The word whose key the configuration lacks, if that is what an error says."""
     if "Could not override" not in text:
         return None
-    return next((w for w in words if (key := _KEY.match(w)) and f"'{key.group(1)}'" in text), None)
+    return next((w for w in words if (key := _KEY.match(w)) and f"'{key[1]}'" in text), None)
 
 
 def _composed_without(word: str, words: Sequence[str]) -> Any:
@@ -115,8 +97,8 @@ def _composed_without(word: str, words: Sequence[str]) -> Any:
     while True:
         try:
             return compose("config", overrides=others)
-        except Exception as error:  # as in resolve
-            failing = _failing(error, others)
+        except Exception as error:  # as in composed
+            failing = _failing(str(error), others)
             others = [other for other in others if other != failing] if failing is not None else []
 
 
@@ -126,7 +108,7 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
 
     found = _KEY.match(word)
     assert found is not None
-    key, node = found.group(1), _composed_without(word, words)
+    key, node = found[1], _composed_without(word, words)
     parts = key.split(".")
     for depth, part in enumerate(parts):
         where = ".".join(parts[:depth])
@@ -134,10 +116,10 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             return f"no setting '{key}'; {where} is a value"
         if part not in node:
             known = [str(k) for k in node]
-            meant = difflib.get_close_matches(part, known, n=1)
-            if where == "diagnose" and not meant and (old := difflib.get_close_matches(part, GONE, n=1)):
-                return f"no setting '{key}'; {gone(old[0])}"
-            hint = f" (did you mean {'.'.join([*parts[:depth], meant[0]])}?)" if meant else ""
+            meant = nearest(part, known)
+            if where == "diagnose" and not meant and (old := nearest(part, GONE)):
+                return f"no setting '{key}'; {gone(old)}"
+            hint = f" (did you mean {'.'.join([*parts[:depth], meant])}?)" if meant else ""
             return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from gpsim import __version__
 from gpsim.errors import UsageError
-from gpsim.private import ExposedError, own_folder, read_own, users_cache, write_own
 from gpsim.recordings import check_bounded
 from gpsim.trust import consent
 
@@ -52,61 +46,39 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
 
     Raises UsageError for a malformed word, an unknown key or an unknown choice, with the alternatives.
     """
-    if config_dir is not None and not config_dir.is_dir():
-        raise UsageError(f"--config-dir {config_dir}: no such folder")
-    if config_dir is not None and (config_dir / "config.yaml").exists():
-        raise UsageError(
-            f"--config-dir {config_dir}: its config.yaml would replace all of gpsim's settings; "
-            "keep choices in folders, as gp/mine.yaml, and words for the rest"
-        )
-    for choice in _choices(config_dir):
-        check_bounded(choice)
+    if config_dir is not None:
+        if not config_dir.is_dir():
+            raise UsageError(f"--config-dir {config_dir}: no such folder")
+        if (config_dir / "config.yaml").exists():
+            raise UsageError(
+                f"--config-dir {config_dir}: its config.yaml would replace all of gpsim's settings; "
+                "keep choices in folders, as gp/mine.yaml, and words for the rest"
+            )
+        for pattern in ("*/*.yaml", "*/*/*.yaml"):
+            for choice in config_dir.glob(pattern):
+                check_bounded(choice)
     for word in words:
         if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
     _refuse_strangers(words, config_dir)
-    resolved = _composed(words, config_dir) if config_dir else deepcopy(_of_the_package(tuple(words)))
-    checked = _checked(resolved)
+    compose = _composed if config_dir is None else _composed.__wrapped__  # a folder may change meanwhile
+    config = deepcopy(compose(tuple(words), config_dir))
+    for name in SECTIONS:
+        if not isinstance(config.get(name), dict):
+            raise UsageError(f"{name}: expected settings, as {name}.key=value, got {config.get(name)!r}")
+    for name in ("experiment", "runs_dir"):
+        if not isinstance(config.get(name), str) or not config[name]:
+            raise UsageError(f"{name}: expected a text, got {config.get(name)!r}")
     for section, name in NAMING:
-        consent(checked[section].get(name))
-    return checked
+        consent(config[section].get(name))
+    return Settings(config)
 
 
 @cache
-def _of_the_package(words: tuple[str, ...]) -> dict[str, Any]:
-    """What Hydra makes of gpsim's own choices, half a second's work: without words it is kept for the next command."""
-    if words:
-        return _composed(words, None)
-    with suppress(OSError, RuntimeError, ExposedError, ValueError):
-        kept: dict[str, Any] = json.loads(read_own(_place()))
-        return kept
-    made = _composed(words, None)
-    text = json.dumps(made)
-    if json.loads(text) == made:
-        with suppress(OSError, RuntimeError, ExposedError):
-            write_own(_place(), text.encode())
-    return made
-
-
-def _place() -> Path:
-    """The file for gpsim's own choices as they are now; raises OSError or ExposedError where none can be kept."""
-    digest = hashlib.sha256(__version__.encode())
-    for path in sorted(Path(str(files("gpsim.conf"))).rglob("*.yaml")):
-        digest.update(f"{path.name} ".encode() + path.read_bytes())
-    return own_folder(users_cache()) / f"settings-{digest.hexdigest()[:16]}.json"
-
-
-def _composed(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
+def _composed(words: tuple[str, ...], config_dir: Path | None) -> dict[str, Any]:
     from .composing import composed  # here: Hydra takes a third of a second to load
 
     return composed(words, config_dir)
-
-
-def _choices(config_dir: Path | None) -> Iterator[Path]:
-    """The files of a user's choices, as gp/mine.yaml."""
-    if config_dir is not None:
-        yield from config_dir.glob("*/*.yaml")
-        yield from config_dir.glob("*/*/*.yaml")
 
 
 def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:
@@ -119,18 +91,6 @@ def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:
         name = re.split(r"[.@/=]", word.lstrip("+"))[0]
         if name not in known:
             raise UsageError(f"'{word}': nothing reads '{name}'; settings: {', '.join(known)}")
-
-
-def _checked(config: dict[str, Any]) -> dict[str, Any]:
-    """The configuration with every part in its place."""
-    for name in SECTIONS:
-        if not isinstance(config.get(name), dict):
-            raise UsageError(f"{name}: expected settings, as {name}.key=value, got {config.get(name)!r}")
-    for name in ("experiment", "runs_dir"):
-        value = config.get(name)
-        if not isinstance(value, str) or not value:
-            raise UsageError(f"{name}: expected a text, got {value!r}")
-    return Settings(config)
 
 
 def as_yaml(config: Mapping[str, Any]) -> str:

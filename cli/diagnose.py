@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -12,132 +11,123 @@ import typer
 
 from gpsim.errors import UsageError
 
-from . import completion
+from . import completion, options
 from .answers import answer, say, say_all
 from .everywhere import named, named_effects
-from .options import CORES, DryRun, Setup, launcher_of, refuse_launcher, say_made, split_words, spread
+from .options import (
+    CORES,
+    DryRun,
+    Setup,
+    launcher_of,
+    option,
+    refuse_launcher,
+    say_made,
+    spread,
+    top_key,
+    words_of,
+)
 from .progress import DIAGNOSIS, MUJOCO, Board, caution, note, warn
 
-COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
-
 if TYPE_CHECKING:
-    from gpsim.artifacts import Artifact
     from gpsim.diagnosis import Diagnosis
     from gpsim.stages.fleet import Fleet
     from gpsim.stages.raw_logs import RawLog
     from gpsim.stages.stage import Request
 
-RecordingWords = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[RECORDING]... [KEY=VALUE]...",
-        help="A recording folder or a raw log file; none means the recording of the loop. Several recordings of one "
-        "machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
-        autocompletion=completion.diagnose_words,
-    ),
-]
-SimulatorName = Annotated[
-    str | None,
-    typer.Option(
+COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
+USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
+"""What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
+INSTEAD = {
+    "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
+    "recording": "the RECORDING alone",
+}
+Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
+
+
+@dataclass
+class Asked:
+    """What is asked beside recordings and settings."""
+
+    simulator: str | None = option(
+        None,
         "--simulator",
         help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
         autocompletion=completion.simulator_names,
-    ),
-]
-MappingName = Annotated[
-    str | None,
-    typer.Option(
+    )
+    mapping: str | None = option(
+        None,
         "--mapping",
         help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
         autocompletion=completion.mapping_names,
-    ),
-]
-Out = Annotated[
-    Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
-]
-Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
-Effects = Annotated[
-    list[str] | None,
-    typer.Option(
+    )
+    out: Path | None = option(None, "--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
+    score: Path | None = option(
+        None,
+        "--score",
+        metavar="DIAGNOSIS",
+        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+        autocompletion=completion.diagnoses,
+    )
+    each: bool = option(
+        False,
+        "--each",
+        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
+    )
+    explain: bool = option(
+        False, "--explain", help="Print the whole ranking of explanations, and every decision."
+    )
+    cores: Cores = None
+    effects: list[str] | None = option(
+        None,
         "--effects",
         metavar="FILE.py[:Class]",
         help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
-    ),
-]
-ScoreOf = Annotated[
-    Path | None,
-    typer.Option(
-        "--score",
-        metavar="DIAGNOSIS",
-        autocompletion=completion.diagnoses,
-        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
-    ),
-]
-Each = Annotated[
-    bool,
-    typer.Option(
-        "--each",
-        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
-    ),
-]
-Explain = Annotated[
-    bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
-]
+    )
 
 
 @dataclass
 class DiagnoseSetup(Setup):
     """Recordings stand before the settings."""
 
-    words: RecordingWords = None
+    words: list[str] | None = words_of(
+        "[RECORDING]... [KEY=VALUE]...",
+        "A recording folder or a raw log file; none means the recording of the loop. Several recordings of "
+        "one machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
+        completion.diagnose_words,
+    )
 
 
 @spread
-def diagnose_command(
-    *,
-    simulator: SimulatorName = None,
-    mapping: MappingName = None,
-    out: Out = None,
-    score: ScoreOf = None,
-    each: Each = False,
-    explain: Explain = False,
-    cores: Cores = None,
-    effects: Effects = None,
-    given: DiagnoseSetup,
-    dry_run: DryRun = False,
-) -> None:
+def diagnose_command(*, asked: Asked, given: DiagnoseSetup, dry_run: DryRun = False) -> None:
     """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
-    recordings, settings = split_words(given.words or [])
-    named(simulator, settings)
-    own = named_effects(effects)
-    if not each:
-        _refuse_several(recordings, score)
-    recording = recordings[0] if recordings else None
-    log: RawLog | None = None
-    if each or len(recordings) > 1:
-        if each:
-            _check_each(recordings, score, explain, dry_run)
+    recordings, settings = options.split_words(given.words or [])
+    named(asked.simulator, settings)
+    own = named_effects(asked.effects)
+    _check_together(recordings, asked, dry_run)
+    of_log: list[str] = []
+    if recordings:
         settings, of_log = _parted(settings)
         _refuse(settings)
-    elif recording is not None:
-        log, settings = _raw(recording, settings, simulator, mapping, score)
-        _refuse(settings)
-    elif mapping is not None:
+    elif asked.mapping is not None:
         raise UsageError("diagnose: --mapping goes with a raw log, as: gpsim diagnose my.bag --mapping FILE")
-    setup = replace(given, words=settings)
+    setup, cores = replace(given, words=settings), asked.cores or CORES
     config = setup.config
 
     def read(path: Path) -> Path:
-        found, rest = _raw(path, of_log, simulator, mapping, None)
-        _refuse(rest)  # what says nothing of a log
-        return path if found is None else _imported(found, config)
+        """The recording itself, which of a raw log is imported then; raises UsageError."""
+        if (log := _log_of(path, of_log, asked)) is not None:
+            return _imported(log, config)
+        _refuse(of_log)  # what says nothing of a log
+        return path
 
-    if each:
-        _diagnose_each(recordings, simulator, read, setup.request(out=out, cores=cores or CORES), own)
+    if asked.each:
+        _diagnose_each(recordings, asked.simulator, read, setup.request(out=asked.out, cores=cores), own)
         return
     refuse_launcher("diagnose", settings)
-    if score is not None:
-        _score(setup, score, recording, simulator, out, dry_run, cores or CORES)
+    if asked.score is not None:
+        if not recordings:
+            raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+        _score(setup, asked, read(recordings[0]), dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.kernels import is_compiled
@@ -145,46 +135,38 @@ def diagnose_command(
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.figures import diagnosis_figures, paths_of
 
-    if recording is None and simulator is not None:
-        raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
-    if log is not None:
-        recording = _imported(log, config)
-        answer({"recording": recording})
-    if own and recording is None:
-        raise UsageError(
-            "diagnose: --effects goes with a RECORDING, as: gpsim diagnose rec --effects my_effects.py"
-        )
-    task, episodes = None, config["diagnose"]["episodes"]
-    if len(recordings) > 1:
+    if recordings:
         from gpsim.stages.fleet import recordings_in
 
-        together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
-        task = Task.of(together, simulator, episodes, own)
-    elif recording is not None:
-        task = Task(recording, simulator, episodes, effects=own)
-    if task is not None:
-        stage = stage_for(task)
+        found = recordings_in(recordings, asked.simulator) if len(recordings) > 1 else {"": recordings[0]}
+        together = {name: read(path) for name, path in found.items()}
+        if len(recordings) == 1 and together[""] != recordings[0]:
+            answer({"recording": together[""]})
+        stage = stage_for(Task.of(together, asked.simulator, config["diagnose"]["episodes"], own))
     else:
-        from gpsim.stages.diagnose_loop import STAGE
+        if asked.simulator is not None:
+            raise UsageError(
+                "diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME"
+            )
+        if own:
+            raise UsageError(
+                "diagnose: --effects goes with a RECORDING, as: gpsim diagnose rec --effects my_effects.py"
+            )
+        from gpsim.stages import diagnose_loop
 
-        stage = STAGE
-    model = simulator is not None and is_mujoco(simulator)
-    made = setup.make(
-        stage,
-        out,
-        dry_run,
-        MUJOCO if model else DIAGNOSIS,
-        None if is_compiled() else COMPILES,
-        cores=cores or CORES,
-    )
+        stage = diagnose_loop.STAGE
+    shares = MUJOCO if asked.simulator is not None and is_mujoco(asked.simulator) else DIAGNOSIS
+    made = setup.make(stage, asked.out, dry_run, shares, None if is_compiled() else COMPILES, cores=cores)
     if made is None:
         return
     artifact, existed = made
-    found = read_diagnosis(artifact.path)
+    diagnosis = read_diagnosis(artifact.path)
     name = artifact.manifest["config"].get("simulator")
-    _tell(found, artifact.path, name, of_task=task is not None, explain=explain)
+    _tell(diagnosis, artifact.path, name, of_task=bool(recordings), explain=asked.explain)
     say_made(artifact, existed)
-    answer(paths_of("diagnose", artifact.path), made=not existed, simulator=name, **diagnosis_figures(found))
+    answer(
+        paths_of("diagnose", artifact.path), made=not existed, simulator=name, **diagnosis_figures(diagnosis)
+    )
 
 
 def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, explain: bool) -> None:
@@ -210,55 +192,48 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
         say_all(trace_lines(read_trace(folder)))
 
 
-def _score(
-    setup: Setup,
-    diagnosis: Path,
-    recording: Path | None,
-    simulator: str | None,
-    out: Path | None,
-    dry_run: bool,
-    cores: int,
-) -> None:
-    """Print how an existing diagnosis does on another recording."""
+def _score(setup: Setup, asked: Asked, recording: Path, dry_run: bool) -> None:
     from gpsim.reports.statistics_text import score_lines
     from gpsim.stages.diagnose_loop import read_score, score_stage
     from gpsim.stages.figures import paths_of, score_figures
 
-    if recording is None:
-        raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
-    made = setup.make(score_stage(diagnosis, recording, simulator), out, dry_run, cores=cores)
-    if made is None:
+    assert asked.score is not None
+    stage = score_stage(asked.score, recording, asked.simulator)
+    if (made := setup.make(stage, asked.out, dry_run, cores=asked.cores or CORES)) is None:
         return
     artifact, existed = made
     found = read_score(artifact.path)
     say_all(score_lines(found))
     say_made(artifact, existed)
-    paths = paths_of("score", artifact.path) | {"diagnosis": diagnosis, "recording": recording}
+    paths = paths_of("score", artifact.path) | {"diagnosis": asked.score, "recording": recording}
     answer(paths, made=not existed, score=score_figures(found))
 
 
-def _raw(
-    recording: Path, settings: list[str], simulator: str | None, mapping: str | None, score: Path | None
-) -> tuple[RawLog | None, list[str]]:
-    """The recording as a log that is to be imported first, if it is one, and the settings that are left."""
-    rest, of_log = _parted(settings)
-    if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
-        if mapping is not None:
+def _check_together(recordings: Sequence[Path], asked: Asked, dry_run: bool) -> None:
+    """What goes with one recording alone, or with none."""
+    if asked.each:
+        if not recordings:
+            raise UsageError("diagnose: --each needs RECORDINGs, or folders of them")
+        wrong = {"--score": asked.score is not None, "--explain": asked.explain, "--dry-run": dry_run}
+        for option in (option for option, given in wrong.items() if given):
+            raise UsageError(f"diagnose: {option} goes with one RECORDING, not with --each")
+        return
+    if len(recordings) > 1 and asked.score is not None:
+        raise UsageError(
+            f"diagnose: --score goes with one RECORDING at a time, got {', '.join(map(str, recordings))}"
+        )
+    for folder in recordings if len(recordings) == 1 else ():
+        below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
+        if below and not (folder / "recording.yaml").is_file():
             raise UsageError(
-                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
+                f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several to "
+                "judge them together, or give --each"
             )
-        return None, settings
-    from gpsim.stages.raw_logs import RawLog, is_raw  # they take a second that others have no use for
-
-    if mapping is None and not is_raw(recording, simulator) and not (of_log and recording.is_file()):
-        return None, settings
-    log = RawLog(recording, "gpsim diagnose", simulator, mapping=mapping, words=tuple(of_log))
-    return log, rest
 
 
 def _parted(settings: list[str]) -> tuple[list[str], list[str]]:
     """The settings, and the words that say what is what in a raw log."""
-    others = [word for word in settings if _top(word) not in (*USED, *INSTEAD)]
+    others = [word for word in settings if top_key(word) not in (*USED, *INSTEAD)]
     if not others:
         return settings, []
     from gpsim.stages.raw_logs import of_the_mapping
@@ -267,8 +242,38 @@ def _parted(settings: list[str]) -> tuple[list[str], list[str]]:
     return [word for word in settings if word not in of_log], of_log
 
 
+def _refuse(settings: list[str]) -> None:
+    """What belongs to the loop's own recording would be ignored."""
+    for word in settings:
+        if (name := top_key(word)) in INSTEAD:
+            raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
+        if name not in USED:
+            raise UsageError(
+                f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
+                "experiment, runs_dir"
+            )
+
+
+def _log_of(recording: Path, of_log: list[str], asked: Asked) -> RawLog | None:
+    """The recording as a log that is to be imported first, if it is one."""
+    if asked.score is not None or (recording.is_dir() and (recording / "recording.yaml").is_file()):
+        if asked.mapping is not None:
+            raise UsageError(
+                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
+            )
+        return None
+    from gpsim.stages.raw_logs import RawLog, is_raw  # they take a second that others have no use for
+
+    if (
+        asked.mapping is None
+        and not is_raw(recording, asked.simulator)
+        and not (of_log and recording.is_file())
+    ):
+        return None
+    return RawLog(recording, "gpsim diagnose", asked.simulator, mapping=asked.mapping, words=tuple(of_log))
+
+
 def _imported(log: RawLog, config: dict[str, Any]) -> Path:
-    """The recording that a raw log gives, below runs/."""
     from gpsim.stages.raw_logs import imported
     from gpsim.stages.stage import Request
 
@@ -278,66 +283,14 @@ def _imported(log: RawLog, config: dict[str, Any]) -> Path:
     return artifact.path
 
 
-USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
-"""What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
-INSTEAD = {
-    "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
-    "recording": "the RECORDING alone",
-}
-
-
-def _refuse(settings: list[str]) -> None:
-    """What belongs to the loop's own recording would be ignored."""
-    for word in settings:
-        name = _top(word)
-        if name in INSTEAD:
-            raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
-        if name not in USED:
-            raise UsageError(
-                f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
-                "experiment, runs_dir"
-            )
-
-
-def _check_each(recordings: list[Path], score: Path | None, explain: bool, dry_run: bool) -> None:
-    if not recordings:
-        raise UsageError("diagnose: --each needs RECORDINGs, or folders of them")
-    wrong = {"--score": score is not None, "--explain": explain, "--dry-run": dry_run}
-    for option in (option for option, given in wrong.items() if given):
-        raise UsageError(f"diagnose: {option} goes with one RECORDING, not with --each")
-
-
-def _top(word: str) -> str:
-    """The setting that a word changes, or one within it."""
-    return re.split(r"[.@/=]", word.lstrip("+~"))[0]
-
-
-def _refuse_several(recordings: Sequence[Path], score: Path | None) -> None:
-    """What cannot be judged together: several beside `--score`, and what lies in one folder and is not named."""
-    if len(recordings) > 1 and score is not None:
-        named = ", ".join(map(str, recordings))
-        raise UsageError(f"diagnose: --score goes with one RECORDING at a time, got {named}")
-    for folder in recordings if len(recordings) == 1 else ():
-        if folder.is_dir() and not (folder / "recording.yaml").is_file():
-            below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
-            if below:
-                raise UsageError(
-                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several to "
-                    "judge them together, or give --each"
-                )
-
-
 def _diagnose_each(
     recordings: Sequence[Path],
     simulator: str | None,
     read: Callable[[Path], Path],
     request: Request,
-    effects: tuple[str, ...] = (),
+    effects: tuple[str, ...],
 ) -> None:
-    """Print an account a recording, then which robots differ, and where the page lies.
-
-    read(path) is the recording itself, which of a raw log is imported then; it raises UsageError.
-    """
+    """Print an account a recording, then which robots differ, and where the page lies."""
     from gpsim.stages import fleet
     from gpsim.stages.diagnose import Task
 
@@ -349,16 +302,9 @@ def _diagnose_each(
 
     launcher = launcher_of(request.config, request.cores)
     tasks = {name: task_of(path) for name, path in fleet.recordings_in(recordings, simulator).items()}
-    places: dict[str, Path] = {}
     with Board(len(tasks)) as board:
-
-        def finished(job: str, artifact: Artifact, existed: bool) -> None:
-            places[job] = artifact.path
-            board.made(job, artifact, existed)
-
-        alone = replace(request, cores=1)
-        found = fleet.run(alone, tasks, launcher, board.update, finished, board.failed)
-    _tell_fleet(found, places, simulator)
+        found = fleet.run(replace(request, cores=1), tasks, launcher, board)
+    _tell_fleet(found, simulator)
     if found.failed:
         raise UsageError(
             f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why, run the same "
@@ -366,34 +312,25 @@ def _diagnose_each(
         )
 
 
-def _tell_fleet(found: Fleet, places: dict[str, Path], simulator: str | None) -> None:
-    """The accounts, and what differs."""
+def _tell_fleet(found: Fleet, simulator: str | None) -> None:
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
     from gpsim.stages import fleet
 
+    robots, places = [], {name: artifact.path for name, artifact in found.made.items()}
     for robot in found.robots:
-        say(f"{robot.name}: {places.get(robot.name, 'failed')}")
-        lines = [robot.error]
+        name, told, verdict = robot.name, [robot.error], None
         if robot.diagnosis is not None:
-            lines = account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator))
-        say_all(lines, "  ")
+            told = account_lines(account_of(robot.diagnosis, str(places[name]), simulator))
+            verdict = robot.diagnosis.verdict
+        say(f"{name}: {places.get(name, 'failed')}")
+        say_all(told, "  ")
         say()
+        folder = str(places[name].absolute()) if name in places else None
+        robots.append({"name": name, "verdict": verdict, "folder": folder, "error": robot.error or None})
     say(f"Fleet    {found.said}")
     say_all((difference.sentence for difference in found.found), "  ")
-    folder = found.artifact.path
-    say(f"diagnose: {folder / fleet.PAGE}")
-    answer(
-        {"folder": folder, "fleet": folder / fleet.FACTS, "report": folder / fleet.PAGE},
-        said=found.said,
-        robots=[
-            {
-                "name": robot.name,
-                "verdict": robot.diagnosis.verdict if robot.diagnosis is not None else None,
-                "folder": str(places[robot.name].absolute()) if robot.name in places else None,
-                "error": robot.error or None,
-            }
-            for robot in found.robots
-        ],
-        differences=[asdict(d) for d in found.found],
-    )
+    page = found.artifact.path / fleet.PAGE
+    say(f"diagnose: {page}")
+    paths = {"folder": page.parent, "fleet": page.with_name(fleet.FACTS), "report": page}
+    answer(paths, said=found.said, robots=robots, differences=[asdict(d) for d in found.found])

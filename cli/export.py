@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,44 +20,8 @@ from .options import ConfigDir, Words, shown_words
 export_app = typer.Typer(
     help="Write a recording, a diagnosis or a policy in the formats of other programs.", no_args_is_help=True
 )
-
-Recorded = Annotated[
-    Path,
-    typer.Argument(
-        metavar="PATH",
-        help="A recording folder, as `gpsim import` makes.",
-        autocompletion=completion.recordings,
-    ),
-]
-Format = Annotated[
-    str, typer.Option("--format", help="mcap | csv | parquet", autocompletion=completion.formats)
-]
-Out = Annotated[Path, typer.Option("--out", help="The file to make; it must not exist.")]
-
-
-@export_app.callback()
-def _export() -> None:
-    pass
-
-
-@export_app.command("recording")
-def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
-    """Measured channels beside the base simulator's prediction, for Foxglove, PlotJuggler or a spreadsheet."""
-    # Imported here: rosbags and pandas take a second to load, and `--help` should not wait for it.
-    from gpsim.stages.export import export_recording
-
-    notes = export_recording(path, form, out)
-    say(f"export: {out}")
-    say_all(notes, "  ")
-    answer({"recording": path, "export": out}, format=form, notes=notes)
-
-
 Diagnosed = Annotated[
     Path, typer.Argument(metavar="DIR", help="A finished diagnosis, as runs/a/diagnose/v0001.")
-]
-Mcap = Annotated[bool, typer.Option("--mcap", help="As MCAP, for Foxglove: the one format there is.")]
-OutFile = Annotated[
-    Path | None, typer.Option("--out", help="The file to make, DIR.mcap by default; it must not exist.")
 ]
 Where = Annotated[
     Path | None,
@@ -68,75 +33,91 @@ Horizon = Annotated[
 ]
 
 
+@export_app.callback()
+def _export() -> None:
+    pass
+
+
+def _tell(made: Path, notes: Sequence[str], of: dict[str, Path], form: str = "", **more: Any) -> None:
+    """What was written, of what, and what is in it; more: what else a program asks."""
+    say(f"export: {made}")
+    say_all(notes, "  ")
+    answer(of | {"export": made}, **({"format": form} if form else {}), notes=notes, **more)
+
+
+@export_app.command("recording")
+def recording_command(
+    path: Path = typer.Argument(
+        ...,
+        metavar="PATH",
+        help="A recording folder, as `gpsim import` makes.",
+        autocompletion=completion.recordings,
+    ),
+    out: Path = typer.Option(..., "--out", help="The file to make; it must not exist."),
+    form: str = typer.Option(
+        "mcap", "--format", help="mcap | csv | parquet", autocompletion=completion.formats
+    ),
+) -> None:
+    """Measured channels beside the base simulator's prediction, for Foxglove, PlotJuggler or a spreadsheet."""
+    # Imported here: rosbags and pandas take a second to load, and `--help` should not wait for it.
+    from gpsim.stages.export import export_recording
+
+    _tell(out, export_recording(path, form, out), {"recording": path}, form)
+
+
 @export_app.command("diagnosis")
 def diagnosis_command(
     folder: Diagnosed,
-    mcap: Mcap = False,
-    out: OutFile = None,
+    mcap: bool = typer.Option(False, "--mcap", help="As MCAP, for Foxglove: the one format there is."),
+    out: Path | None = typer.Option(
+        None, "--out", help="The file to make, DIR.mcap by default; it must not exist."
+    ),
     recording: Where = None,
     horizon: Horizon = None,
 ) -> None:
     """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
     if not mcap:
         raise UsageError("export diagnosis: say in which format: --mcap, which Foxglove opens")
-    from gpsim.stages.export_diagnosis import export_diagnosis
+    from gpsim.stages.export import export_diagnosis
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
-    say(f"export: {made}")
-    say_all(notes, "  ")
-    answer({"diagnosis": folder, "export": made}, format="mcap", notes=notes)
-
-
-OutModel = Annotated[
-    Path,
-    typer.Option(
-        "--out", help="The model to make, as robot_corrected.xml; wrapper, diff and patch.json lie beside it."
-    ),
-]
-
-
-AsUrdf = Annotated[
-    bool, typer.Option("--urdf", help="As URDF, too, beside it; what that cannot hold is listed.")
-]
+    _tell(made, notes, {"diagnosis": folder}, "mcap")
 
 
 @export_app.command("model")
-def model_command(folder: Diagnosed, out: OutModel, urdf: AsUrdf = False) -> None:
+def model_command(
+    folder: Diagnosed,
+    out: Path = typer.Option(
+        ...,
+        "--out",
+        help="The model to make, as robot_corrected.xml; wrapper, diff and patch.json lie beside it.",
+    ),
+    urdf: bool = typer.Option(
+        False, "--urdf", help="As URDF, too, beside it; what that cannot hold is listed."
+    ),
+) -> None:
     """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
     from gpsim.stages.export import export_corrected_model, told
 
     made, notes = export_corrected_model(folder, out, urdf)
-    say(f"export: {out}")
-    say_all(notes, "  ")
-    answer({"diagnosis": folder, "export": out}, notes=notes, **told(made))
-
-
-Policy = Annotated[
-    Path,
-    typer.Argument(
-        metavar="PATH",
-        help="An artifact of train-source or train-gp-policy.",
-        autocompletion=completion.policies,
-    ),
-]
-OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
-
-
-WithMonitor = Annotated[
-    bool,
-    typer.Option(
-        "--monitor",
-        help="With the monitor of a safe deployment for the node; settings say which: experiment=limo.",
-    ),
-]
+    _tell(out, notes, {"diagnosis": folder}, **told(made))
 
 
 @export_app.command("policy")
 def policy_command(
-    path: Policy,
-    out: OutFolder,
+    path: Path = typer.Argument(
+        ...,
+        metavar="PATH",
+        help="An artifact of train-source or train-gp-policy.",
+        autocompletion=completion.policies,
+    ),
+    out: Path = typer.Option(..., "--out", help="The folder to make; it must not exist."),
     words: Words = None,
-    monitor: WithMonitor = False,
+    monitor: bool = typer.Option(
+        False,
+        "--monitor",
+        help="With the monitor of a safe deployment for the node; settings say which: experiment=limo.",
+    ),
     config_dir: ConfigDir = None,
 ) -> None:
     """A trained policy as ONNX and, for a vehicle with a goal, nodes of ROS 1 and ROS 2 that play it, or a plan."""
@@ -150,25 +131,19 @@ def policy_command(
             f"export policy: settings, such as {words[0]}, are of --monitor; add it or leave them out"
         )
     watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
-    notes = export_policy(path, out, watched)
-    say(f"export: {out}")
-    say_all(notes, "  ")
-    answer({"policy": path, "export": out}, notes=notes)
-
-
-OutMotion = Annotated[
-    Path | None,
-    typer.Option(
-        "--out", help="Save a Rerun file (.rrd), which must not exist, instead of opening the viewer."
-    ),
-]
+    _tell(out, export_policy(path, out, watched), {"policy": path})
 
 
 def view_command(
-    folder: Diagnosed, out: OutMotion = None, recording: Where = None, horizon: Horizon = None
+    folder: Diagnosed,
+    out: Path | None = typer.Option(
+        None, "--out", help="Save a Rerun file (.rrd), which must not exist, instead of opening the viewer."
+    ),
+    recording: Where = None,
+    horizon: Horizon = None,
 ) -> None:
     """Watch real, base and corrected motion side by side, and their numbers, in Rerun."""
-    from gpsim.stages.export_diagnosis import export_diagnosis
+    from gpsim.stages.export import export_diagnosis
 
     with TemporaryDirectory() as here:
         made, notes = export_diagnosis(folder, out or Path(here, "motion.rrd"), recording, horizon, "rrd")

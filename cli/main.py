@@ -19,7 +19,7 @@ from typer.core import TyperGroup
 from typer.models import Default
 
 from gpsim import __version__
-from gpsim.errors import NoDiagnosis, Terminated, UsageError
+from gpsim.errors import CODE, NoDiagnosis, Terminated, UsageError
 from gpsim.files import FULL, REFUSED
 from gpsim.reports.sheets import printable
 from gpsim.trust import trusting
@@ -27,8 +27,9 @@ from gpsim.workers import ends_when_asked
 
 from . import answers
 from .after import deploy_command, plan_command, watch_command
+from .answers import INTERRUPTED_CODE, QUIET
 from .diagnose import diagnose_command
-from .everywhere import QUIET, QUIETLY, TRUSTINGLY, add_everywhere
+from .everywhere import add_everywhere
 from .export import export_app, view_command
 from .import_ import import_command
 from .progress import INTERRUPTED
@@ -115,7 +116,7 @@ for panel, name, command, line in PANELS:
         app.add_typer(command, name=name, rich_help_panel=panel, short_help=line or Default(None))
     else:
         app.command(name, short_help=line, rich_help_panel=panel)(command)
-add_everywhere(app, (QUIETLY, answers.FLAG, TRUSTINGLY))
+add_everywhere(app)
 
 
 def main() -> None:
@@ -124,12 +125,12 @@ def main() -> None:
     try:
         with ends_when_asked(), trusting(False):  # --trust ends with its command
             _called()
-    except Terminated as ended:
+    except (
+        Terminated,
+        KeyboardInterrupt,
+    ) as ended:  # outside of the commands: Typer makes an exit code of Ctrl-C
         _say_interrupted()
-        _end(int(str(ended.code)), INTERRUPTED)
-    except KeyboardInterrupt:  # outside of the commands: Typer makes an exit code of it
-        _say_interrupted()
-        _end(answers.INTERRUPTED_CODE, INTERRUPTED)
+        _end(CODE if isinstance(ended, Terminated) else INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
         print(*map(printable, error.table), f"error: {printable(error)}", sep="\n", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
@@ -140,7 +141,8 @@ def main() -> None:
         if error.errno not in (*FULL, *REFUSED):
             raise
         where = "output" if error.filename is None else str(error.filename)
-        said = f"{printable(_short(where))}: {error.strerror}"
+        short = where if len(where) <= LONGEST_NAME else f"{where[:LONGEST_NAME]}..."
+        said = f"{printable(short)}: {error.strerror}"
         with suppress(OSError):
             print(f"error: {said}", file=sys.stderr)
         _end(BAD_INPUT, said)
@@ -159,10 +161,11 @@ def _called() -> None:
     except Terminated:
         raise
     except SystemExit as ended:
-        code = ended.code if isinstance(ended.code, int) else 0
-        if code == answers.INTERRUPTED_CODE:
+        code, message = ended.code if isinstance(ended.code, int) else 0, ""
+        if code == INTERRUPTED_CODE:
+            message = INTERRUPTED
             _say_interrupted()
-        answers.finish(code, INTERRUPTED if code == answers.INTERRUPTED_CODE else "")
+        answers.finish(code, message)
         raise
 
 
@@ -184,10 +187,6 @@ def _drop_output() -> None:
     """What is still buffered has nowhere to go, and must not fail once more when the program ends."""
     with suppress(OSError):  # what stands for the output may be no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _short(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
 
 
 if __name__ == "__main__":

@@ -26,23 +26,19 @@ if TYPE_CHECKING:
     from gpsim.stages.stage import Request, Stage
 
 
-def usable_cores() -> int:
-    """Cores that this process may run on: fewer than the machine's in a batch job, a container or under taskset."""
-    if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
-        return len(os.sched_getaffinity(0)) or 1
-    return os.cpu_count() or 1
-
-
-CORES = usable_cores()
-
-
-_WORD = re.compile(r"[+~]{0,2}launcher([.@=]|$)")
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+"""Cores that this process may run on: fewer than the machine's in a batch job, a container or under taskset."""
 KEPT = "launcher words"
+
+
+def top_key(word: str) -> str:
+    """The setting that a word changes, or one within it."""
+    return re.split(r"[.@/=]", word.lstrip("+~"))[0]
 
 
 def says_where(word: str) -> bool:
     """Whether a word is about the launcher."""
-    return _WORD.match(word) is not None
+    return re.split(r"[.@=]", word.lstrip("+~"))[0] == "launcher"  # a path is none
 
 
 def refuse_launcher(command: str, words: Sequence[str]) -> None:
@@ -113,8 +109,22 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
     """Raise UsageError for settings that a command would ignore."""
     refuse_launcher(command, settings)
     for word in settings:
-        if re.split(r"[.@/=]", word.lstrip("+~"))[0] not in used:
+        if top_key(word) not in used:
             raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
+
+
+SHOWN = "shown as"
+
+
+def option(default: Any, *names: str, **more: Any) -> Any:
+    """A field of a dataclass of options; more: as typer.Option takes it."""
+    return dataclasses.field(default=default, metadata={SHOWN: typer.Option(*names, **more)})
+
+
+def words_of(metavar: str, help: str, completed: Callable[..., list[str]]) -> Any:
+    """The field of what stands behind a command; completed: what may follow."""
+    shown = typer.Argument(metavar=metavar, help=help, autocompletion=completed)
+    return dataclasses.field(default=None, metadata={SHOWN: shown})
 
 
 def spread(function: Callable[..., None]) -> Callable[..., None]:
@@ -127,10 +137,9 @@ def spread(function: Callable[..., None]) -> Callable[..., None]:
             shown.append(parameter.replace(annotation=hints[parameter.name]))
             continue
         own = get_type_hints(kind, include_extras=True)
-        shown += [
-            inspect.Parameter(f.name, parameter.kind, default=f.default, annotation=own[f.name])
-            for f in dataclasses.fields(kind)
-        ]
+        for f in dataclasses.fields(kind):
+            hint = Annotated[own[f.name], f.metadata[SHOWN]] if SHOWN in f.metadata else own[f.name]
+            shown.append(inspect.Parameter(f.name, parameter.kind, default=f.default, annotation=hint))
 
     def command(**given: Any) -> None:
         for name, kind in kinds.items():

@@ -16,8 +16,7 @@ from rich.text import Text
 
 from gpsim.reports.sheets import literal, printable
 
-from .answers import warned
-from .everywhere import QUIET
+from .answers import QUIET, warned
 
 Shares = Sequence[tuple[float, float]]
 """(share of the steps that are done, share of the time that has usually gone by then), ascending, from 0 to 1."""
@@ -36,26 +35,26 @@ BELOW_A_MINUTE = 5  # s, to which less than a minute is rounded
 
 
 class Pace:
-    """The time left of one job: as much as its steps usually take beside those that are done.
-
-    A step that takes longer than usual makes the whole longer: as long as it lasts, the job is not beyond it.
-    """
+    """The time left of one job: as much as its steps usually take beside those that are done."""
 
     def __init__(self, shares: Shares, began: float) -> None:
-        self._shares, self._began = shares, began
-        self.share, self._next, self._reached = 0.0, 1.0, began
+        self._shares, self._began, self._reached, self.share = shares, began, began, 0.0
 
     def update(self, done: int, total: int, now: float) -> None:
-        """`done` of `total` is done now."""
-        share, following = _between(self._shares, done / total if total else 0.0)
-        if share > self.share or self._reached == self._began:
-            self.share, self._next, self._reached = max(share, self.share), following, now
+        """`done` of `total` is done now; what was done is never taken back."""
+        part = done / total if total else 0.0
+        for (low, before), (high, after) in pairwise(self._shares):
+            if (
+                low <= part <= high
+                and (share := before + (after - before) * (part - low) / (high - low)) > self.share
+            ):
+                self.share, self._reached = share, now
 
     def left(self, now: float) -> float | None:
         """Seconds; None where nobody can tell yet."""
         if self.share < EARLIEST:
             return None
-        whole = max((self._reached - self._began) / self.share, (now - self._began) / self._next)
+        whole = (self._reached - self._began) / self.share
         return max(whole - (now - self._began), OVERRUN * (now - self._reached))
 
 
@@ -64,14 +63,6 @@ def clock(seconds: float) -> str:
     if seconds < 60.0 - BELOW_A_MINUTE / 2:
         return f"{BELOW_A_MINUTE * max(round(seconds / BELOW_A_MINUTE), 1)} s"
     return f"{max(round(seconds / 60.0), 1)} min"
-
-
-def _between(shares: Shares, done: float) -> tuple[float, float]:
-    """The share of the time at `done`, and at the end of the step in which that lies."""
-    for (low, before), (high, after) in pairwise(shares):
-        if done < high:
-            return before + (after - before) * (done - low) / (high - low), after
-    return 1.0, 1.0
 
 
 if TYPE_CHECKING:
@@ -123,6 +114,7 @@ class Board:
         self._tasks: dict[str, TaskID] = {}
         self._paces: dict[str, Pace] = {}
         self._spoken: dict[str, float] = {}
+        self.finished: list[dict[str, object]] = []
 
     def __enter__(self) -> Board:
         if self._live:
@@ -180,6 +172,11 @@ class Board:
         mark = Text("kept", "dim") if existed else Text("made", "green")
         self.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
         warn(artifact.path)
+        self.keep(job, artifact, existed)
+
+    def keep(self, job: str, artifact: Artifact, existed: bool) -> None:
+        """For the answer."""
+        self.finished.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
     def failed(self, job: str, why: str) -> None:
         """Job `job` ended without one."""

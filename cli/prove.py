@@ -11,10 +11,8 @@ import typer
 from gpsim.errors import UsageError
 
 from . import completion
-from .answers import NAME as AS_JSON
 from .answers import answer, console, say, say_all
-from .everywhere import QUIET_NAME
-from .options import CORES, KEPT, Jobs, LauncherWords, launcher_from_words, spread
+from .options import CORES, KEPT, Jobs, LauncherWords, launcher_from_words, option, spread
 from .progress import single_progress
 
 if TYPE_CHECKING:
@@ -30,61 +28,7 @@ prove_app = typer.Typer(
         "Settings of the launcher say where it runs, such as launcher=slurm launcher.queue=main."
     ),
 )
-Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
-Rough = Annotated[
-    int, typer.Option("--rough", min=0, help="How many worlds with the defects of real logs to add.")
-]
-Machines = Annotated[
-    int,
-    typer.Option("--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."),
-]
-Robots = Annotated[
-    int,
-    typer.Option(
-        "--robots",
-        min=0,
-        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
-    ),
-]
-Floating = Annotated[
-    int,
-    typer.Option(
-        "--floating",
-        min=0,
-        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
-    ),
-]
-Curves = Annotated[
-    int,
-    typer.Option(
-        "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
-    ),
-]
-Plans = Annotated[
-    int,
-    typer.Option(
-        "--plan",
-        min=0,
-        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
-Strata = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--stratum",
-        help="Only worlds of this kind: single, pair, triple, none, unknown; may be repeated.",
-        autocompletion=completion.strata,
-    ),
-]
-System = Annotated[
-    str | None,
-    typer.Option(
-        "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
-    ),
-]
-Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
 
 
 Answers = Annotated[
@@ -106,18 +50,46 @@ MISSES = {
 class Worlds:
     """Which worlds are drawn, and by how many processes."""
 
-    trials: Trials = 40
-    seed: Seed = 1
+    trials: int = option(40, "--trials", min=0, help="How many worlds.")
+    seed: int = option(1, "--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")
     jobs: Jobs = CORES
-    stratum: Strata = None
-    long: Long = True
-    rough: Rough = 0
-    machines: Machines = 0
-    robots: Robots = 0
-    floating: Floating = 0
-    curves: Curves = 0
-    plan: Plans = 0
-    system: System = None
+    stratum: list[str] | None = option(
+        None,
+        "--stratum",
+        help="Only worlds of this kind: single, pair, triple, none, unknown; may be repeated.",
+        autocompletion=completion.strata,
+    )
+    long: bool = option(True, "--long/--no-long", help="With the long recordings.")
+    rough: int = option(0, "--rough", min=0, help="How many worlds with the defects of real logs to add.")
+    machines: int = option(
+        0, "--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."
+    )
+    robots: int = option(
+        0,
+        "--robots",
+        min=0,
+        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
+    )
+    floating: int = option(
+        0,
+        "--floating",
+        min=0,
+        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
+    )
+    curves: int = option(
+        0, "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+    )
+    plan: int = option(
+        0,
+        "--plan",
+        min=0,
+        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+    )
+    system: str | None = option(
+        None,
+        "--system",
+        help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others.",
+    )
 
     def numbers(self) -> list[int]:
         """The numbers of the worlds; raises UsageError for options that do not go together."""
@@ -133,9 +105,9 @@ class Worlds:
                 "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
                 "leave --rough, --machines, --curves, --plan and --no-long out"
             )
-        for option, count in (("--robots", self.robots), ("--floating", self.floating)):
+        for name, count in (("--robots", self.robots), ("--floating", self.floating)):
             if count and not self.system:
-                raise UsageError(f"{option}: such robots are worlds of --system mjcf; say that, too")
+                raise UsageError(f"{name}: such robots are worlds of --system mjcf; say that, too")
         if self.system:
             return prove.robots_numbers(self.trials, self.stratum or (), self.robots, self.floating)
         return prove.numbers_of(self.trials, self.stratum or (), self.long, *others)
@@ -168,11 +140,11 @@ def _launcher(context: typer.Context, jobs: int) -> Launcher:
 
 def _refuse_options(context: typer.Context, step: str) -> None:
     """What stands before a step would be ignored."""
-    for option in (option for option in context.command.params if option.name not in (QUIET_NAME, AS_JSON)):
-        source = context.get_parameter_source(option.name or "")
+    for given in (given for given in context.command.params if given.name not in ("quiet", "as_json")):
+        source = context.get_parameter_source(given.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
-                f"prove: {'/'.join([*option.opts, *option.secondary_opts])} stands before the step; "
+                f"prove: {'/'.join([*given.opts, *given.secondary_opts])} stands before the step; "
                 f"options go behind it: gpsim prove {step} ..."
             )
 

@@ -12,21 +12,10 @@ import typer
 
 from gpsim.errors import UsageError
 
+from . import options
 from .answers import answer, asked, console, say, say_all
-from .options import (
-    CORES,
-    ConfigDir,
-    DryRun,
-    Jobs,
-    Out,
-    Setup,
-    launcher_of,
-    run_stage,
-    show_standing,
-    spread,
-    told,
-)
-from .progress import Board, note, single_progress
+from .options import CORES, ConfigDir, DryRun, Jobs, Out, Setup, launcher_of, run_stage, spread
+from .progress import Board, note
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -34,9 +23,29 @@ if TYPE_CHECKING:
 
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
-Reported = Annotated[
-    int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
-]
+PANEL = "Stages, in order"
+LOOP = {
+    "train-source": (
+        "Train a policy in the base simulator.",
+        "variant=source|randomised|target: the base simulator, the same with its parameters randomised, the target.",
+    ),
+    "build-residuals": (
+        "Subtract the prediction from the recording, rate by rate.",
+        "recording=DIR takes another recording than the one that `collect` made.",
+    ),
+    "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
+    "train-gp-policy": (
+        "Train a policy in the corrected simulator.",
+        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does; "
+        "robustness=posterior draws each episode from what a diagnosis leaves open.",
+    ),
+    "certify": ("Search which starts of the evaluation can be solved.", ""),
+    "evaluate": (
+        "Compare policies and simulators on the target.",
+        "One step, rollouts and returns; deployed=BAG scores recorded deployments instead.",
+    ),
+}
+"""A line for `gpsim --help`, and what the command's own help adds."""
 
 
 @run_app.callback()
@@ -61,18 +70,25 @@ def full_loop(*, seeds: Seeds = 1, jobs: Jobs = CORES, setup: Setup, dry_run: Dr
 
     started = time.monotonic()
     chosen, launcher = _seeds(request, seeds), launcher_of(setup.config, jobs)
-    jobs_done: list[dict[str, object]] = []
     with Board(len(loop.plan(request, chosen))) as board:
-
-        def finished(job: str, artifact: Artifact, existed: bool) -> None:
-            board.made(job, artifact, existed)
-            jobs_done.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
-
-        loop.run(request, chosen, launcher, board.update, finished)
+        loop.run(request, chosen, launcher, board)
         show = _reported(request, chosen)
     note(f"finished in {time.monotonic() - started:.0f} s")
-    answer(jobs=jobs_done)
+    answer(jobs=board.finished)
     show()
+
+
+class Rounds(Board):
+    """All jobs of all rounds on one bar; what they made is the result."""
+
+    def update(self, job: str, done: int, total: int, note: str) -> None:
+        """As one job."""
+        super().update("iterate", done, total, note)
+
+    def made(self, job: str, artifact: Artifact, existed: bool) -> None:
+        """A line each."""
+        say(f"{'kept' if existed else 'made'} {job:<14} {artifact.path}")
+        self.keep(job, artifact, existed)
 
 
 @run_app.command("iterate")
@@ -86,17 +102,12 @@ def iterate(*, setup: Setup) -> None:
     request, launcher = setup.request(), launcher_of(setup.config, 0)
     from gpsim.stages import iterate as iterating
 
-    made: list[dict[str, object]] = []
-
-    def done(what: str, artifact: Artifact, existed: bool) -> None:
-        say(f"{'kept' if existed else 'made'} {what:<14} {artifact.path}")
-        made.append({"job": what, "folder": str(artifact.path.absolute()), "made": not existed})
-
-    with single_progress("iterate") as progress:
-        artifact = iterating.run(request, launcher, lambda job, *told: progress(*told), done)
+    with Rounds() as rounds:
+        artifact = iterating.run(request, launcher, rounds)
     notes = iterating.lines(artifact)
     say_all(notes, "  ")
-    answer({"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}, jobs=made, notes=notes)
+    paths = {"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}
+    answer(paths, jobs=rounds.finished, notes=notes)
 
 
 @spread
@@ -126,9 +137,7 @@ def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
     tables, notes = terminal_tables(gathered), terminal_notes(gathered)
 
     def show() -> None:
-        printer = console()
-        if not printer.is_terminal:
-            printer = console(width=120)  # a log has no width of its own
+        printer = console(width=120)
         for table in tables:
             printer.print(table)
             printer.print()
@@ -137,36 +146,40 @@ def _reported(request: Request, seeds: tuple[int, ...]) -> Callable[[], None]:
         say(folder / "summary.json")  # the path alone on the last line, for programs
         if asked():
             figures = evaluation_figures(folder / "summary.json")
-            answer(paths_of("report", folder), seeds=list(seeds), notes=told(notes), figures=figures)
+            answer(paths_of("report", folder), seeds=list(seeds), notes=options.told(notes), figures=figures)
 
     return show
 
 
 @spread
-def report_command(*, seeds: Reported = 1, setup: Setup, dry_run: DryRun = False) -> None:
+def report_command(
+    *,
+    seeds: int = typer.Option(
+        1, "--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ..."
+    ),
+    setup: Setup,
+    dry_run: DryRun = False,
+) -> None:
     """Tables, figures and one HTML page of a finished loop."""
     request = setup.request()
+    chosen = _seeds(request, seeds)
     if dry_run:
         from gpsim.stages.report import stage_for
 
-        show_standing(stage_for(_seeds(request, seeds)), request)
+        options.show_standing(stage_for(chosen), request)
         return
-    _reported(request, _seeds(request, seeds))()
-
-
-Swept = Annotated[
-    list[str] | None,
-    typer.Argument(
-        metavar="[KEY=VALUE]...",
-        help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
-    ),
-]
-Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
+    _reported(request, chosen)()
 
 
 def sweep_command(
-    words: Swept = None,
-    of: Of = "evaluate",
+    words: list[str] | None = typer.Argument(
+        None,
+        metavar="[KEY=VALUE]...",
+        help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
+    ),
+    of: str = typer.Option(
+        "evaluate", "--of", help="The stage to run at every point, with all that it needs."
+    ),
     jobs: Jobs = CORES,
     config_dir: ConfigDir = None,
     dry_run: DryRun = False,
@@ -176,18 +189,18 @@ def sweep_command(
 
     points = resolved(points_of(words or []), config_dir)
     launcher = launcher_of(points[0].request.config, jobs)
-    from gpsim.stages import grid  # torch takes seconds to load
+    from gpsim.stages import full_loop as loop  # torch takes seconds to load
 
-    plan = grid.grid_of(points, of)
+    plan = loop.grid_of(points, of)
     say(f"sweep: {len(points)} points, {len(plan.jobs)} jobs")
     answer(of=of, points=len(points), jobs=len(plan.jobs))
     if dry_run:
         answer(dry_run=True)
         return
     with Board(len(plan.jobs)) as board:
-        artifact, missing = grid.run(plan, launcher, board.update, board.made, board.failed)
+        artifact, missing = loop.run_grid(plan, launcher, board)
     note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
-    made = {"table": grid.CSV, "parquet": grid.PARQUET, "report": grid.PAGE}
+    made = {"table": loop.CSV, "parquet": loop.PARQUET, "report": loop.PAGE}
     paths = {name: artifact.path / file for name, file in made.items()}
     say(f"sweep: {paths['report']}, {paths['parquet']}")
     say(paths["table"])  # the path alone on the last line, for programs
@@ -198,18 +211,19 @@ def sweep_command(
         )
 
 
-Plan = Annotated[
-    Path | None,
-    typer.Option(
+@spread
+def collect_command(
+    *,
+    setup: Setup,
+    out: Out = None,
+    plan: Path | None = typer.Option(
+        None,
         "--plan",
         help="Play this finished plan of `gpsim plan` on the target; or, of a file that is not there, only write the "
         "sweep's commands to it, for a robot to play.",
     ),
-]
-
-
-@spread
-def collect_command(*, setup: Setup, out: Out = None, plan: Plan = None, dry_run: DryRun = False) -> None:
+    dry_run: DryRun = False,
+) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
     config = setup.config
     # Imported here: rosbags takes a second to load, and `--help` should not wait for it.
@@ -229,31 +243,6 @@ def collect_command(*, setup: Setup, out: Out = None, plan: Plan = None, dry_run
         rows = write_plan(config, plan)
         say(f"collect: {plan}, {rows} commands, one a control step")
         answer({"plan": plan}, rows=rows)
-
-
-PANEL = "Stages, in order"
-LOOP = {
-    "train-source": (
-        "Train a policy in the base simulator.",
-        "variant=source|randomised|target: the base simulator, the same with its parameters randomised, the target.",
-    ),
-    "build-residuals": (
-        "Subtract the prediction from the recording, rate by rate.",
-        "recording=DIR takes another recording than the one that `collect` made.",
-    ),
-    "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
-    "train-gp-policy": (
-        "Train a policy in the corrected simulator.",
-        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does; "
-        "robustness=posterior draws each episode from what a diagnosis leaves open.",
-    ),
-    "certify": ("Search which starts of the evaluation can be solved.", ""),
-    "evaluate": (
-        "Compare policies and simulators on the target.",
-        "One step, rollouts and returns; deployed=BAG scores recorded deployments instead.",
-    ),
-}
-"""A line for `gpsim --help`, and what the command's own help adds."""
 
 
 def add_stages(app: typer.Typer) -> None:

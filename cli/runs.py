@@ -65,10 +65,7 @@ def list_command(
     from gpsim.stages.runs import list_runs
 
     found = list_runs(runs_dir, experiment, stage, verify)
-    printer = console()
-    if not printer.is_terminal:
-        printer = console(width=WIDTH)
-    printer.print(terminal_table(listing_sheet(found), {}))
+    console(width=WIDTH).print(terminal_table(listing_sheet(found), {}))
     say_all(listing_lines(found))
     answer({"runs": runs_dir}, listing=asdict(found) | {"bytes": found.bytes})
 
@@ -114,15 +111,14 @@ def rm_command(
     beside: Beside = None,
 ) -> None:
     """Remove artifacts that nothing else needs; what does need them is named."""
-    from gpsim.stages.runs import do_removal, plan_removal, would_go
+    from gpsim.stages.runs import plan_removal
 
-    catalogue, removal = plan_removal(runs_dir, names, with_dependents, beside or ())
-    planned = would_go(catalogue, removal, dry_run)
-    agreed = _agreed(planned, yes)
+    planned = plan_removal(runs_dir, names, with_dependents, dry_run, beside or ())
+    agreed = _agreed(planned.told, yes)
     if agreed:
-        do_removal(catalogue, removal, names, beside or ())
+        planned.go()
         say("removed")
-    answer({"runs": runs_dir}, planned=asdict(planned), removed=agreed)
+    answer({"runs": runs_dir}, planned=asdict(planned.told), removed=agreed)
 
 
 @runs_app.command("gc")
@@ -139,16 +135,15 @@ def gc_command(
     beside: Beside = None,
 ) -> None:
     """Remove what processes left unfinished and, with --keep N, old versions that nothing needs."""
-    from gpsim.stages.runs import do_gc, plan_gc, would_go
+    from gpsim.stages.runs import plan_gc
 
-    catalogue, removal = plan_gc(runs_dir, keep, beside or ())
-    planned = would_go(catalogue, removal, dry_run)
-    agreed = _agreed(planned, yes or not planned.artifacts)  # what is left unfinished is nobody's work
+    planned = plan_gc(runs_dir, keep, dry_run, beside or ())
+    told = planned.told
+    agreed = _agreed(told, yes or not told.artifacts)  # what is left unfinished is nobody's work
     if agreed:
-        went = do_gc(runs_dir, keep, beside or ())
-        stayed = len(removal.entries) - len(went.entries)
+        stayed = len(told.artifacts) - len(planned.go().entries)
         say(f"removed{f'; {stayed} stayed: something is being made of them' if stayed > 0 else ''}")
-    answer({"runs": runs_dir}, planned=asdict(planned), removed=agreed)
+    answer({"runs": runs_dir}, planned=asdict(told), removed=agreed)
 
 
 def _agreed(planned: Removed, yes: bool) -> bool:

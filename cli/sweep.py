@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 
 from gpsim.errors import UsageError
@@ -18,7 +17,7 @@ from .configuration import resolve
 from .options import says_where, shown_words
 
 if TYPE_CHECKING:
-    from gpsim.stages.grid import Point
+    from gpsim.stages.full_loop import Point
 
 MOST = 100_000  # combinations: more is a slip of the pen
 
@@ -34,38 +33,26 @@ class Combination:
 def points_of(words: Sequence[str]) -> list[Combination]:
     """Every combination of the values that the words give, the last word varying fastest; raises UsageError."""
     axes = [_values(word) for word in words]
-    several = [len(axis) > 1 for axis in axes]
     found = list(islice(product(*axes), MOST + 1))
     if len(found) > MOST:
         raise UsageError(f"sweep: more than {MOST} combinations; take fewer values")
-    return [
-        Combination(
-            tuple(combination),
-            dict(_pair(word) for word, varies in zip(combination, several, strict=True) if varies),
-        )
-        for combination in found
-    ]
+    varying = [i for i, axis in enumerate(axes) if len(axis) > 1]
+    pairs = [[each[i].partition("=") for i in varying] for each in found]
+    return [Combination(each, {k: v for k, _, v in own}) for each, own in zip(found, pairs, strict=True)]
 
 
 def _values(word: str) -> list[str]:
     """A word a value, as Hydra reads it."""
     try:
         override = OverridesParser.create().parse_override(word)
-    except HydraException as error:
-        raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
-    if not override.is_sweep_override():
-        return [word]
-    if says_where(word):
-        raise UsageError(f"{word}: where the jobs run is one choice; a list is written [a,b]")
-    if "glob(" in word:
-        raise UsageError(f"{word}: list the choices, as gp=raw,jump; there is no glob here")
-    if not override.is_discrete_sweep():
-        raise UsageError(f"{word}: an interval has no end of values; give range(...) or a list, as 1,2,3")
-    return [f"{override.get_key_element()}={value}" for value in _iterated(override, word)]
-
-
-def _iterated(override: Override, word: str) -> list[str]:
-    try:
+        if not override.is_sweep_override():
+            return [word]
+        if says_where(word):
+            raise UsageError(f"{word}: where the jobs run is one choice; a list is written [a,b]")
+        if "glob(" in word:
+            raise UsageError(f"{word}: list the choices, as gp=raw,jump; there is no glob here")
+        if not override.is_discrete_sweep():
+            raise UsageError(f"{word}: an interval has no end of values; give range(...) or a list, as 1,2,3")
         found = [str(value) for value in islice(override.sweep_string_iterator(), MOST + 1)]
     except (HydraException, ValueError, TypeError) as error:
         raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error
@@ -73,17 +60,12 @@ def _iterated(override: Override, word: str) -> list[str]:
         raise UsageError(f"{word}: no value in it")
     if len(set(found)) < len(found):
         raise UsageError(f"{word}: a value is there twice")
-    return found
-
-
-def _pair(word: str) -> tuple[str, str]:
-    key, _, value = word.partition("=")
-    return key, value
+    return [f"{override.get_key_element()}={value}" for value in found]
 
 
 def resolved(found: Sequence[Combination], config_dir: Path | None) -> list[Point]:
     """The requests; what differs by its seed alone is resolved once, which takes Hydra a tenth of a second."""
-    from gpsim.stages.grid import Point
+    from gpsim.stages.full_loop import Point
     from gpsim.stages.stage import Request
 
     known: dict[tuple[str, ...], dict[str, Any]] = {}

@@ -31,24 +31,26 @@ class NoDiagnosis(UsageError):  # noqa: N818  # what happened is no error of the
     """
 
 
+def nearest(name: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Which of the known names was meant; None where none is like it."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)), None)
+
+
 def near(name: str, known: Iterable[str]) -> str:
     """What was meant, in parentheses behind a name that is not among those known; empty where none is like it."""
     names = list(known)
     heads = {k[: len(name)]: k for k in names}  # also of a name that was but begun
-    found = difflib.get_close_matches(name, names, n=1) or [
-        heads[head] for head in difflib.get_close_matches(name, heads, n=1, cutoff=0.8)
-    ]
-    return f" (did you mean '{found[0]}'?)" if found else ""
+    found = nearest(name, names) or heads.get(nearest(name, heads, 0.8) or "")
+    return f" (did you mean '{found}'?)" if found else ""
 
 
 def near_path(path: Path) -> str:
     """The same behind a path that is not there, by what lies in its folder."""
     try:
-        beside = [p.name for p in path.parent.iterdir()]
+        found = nearest(path.name, [p.name for p in path.parent.iterdir()])
     except OSError:
         return ""
-    found = difflib.get_close_matches(path.name, beside, n=1)
-    return f" (did you mean {path.parent / found[0]}?)" if found else ""
+    return f" (did you mean {path.parent / found}?)" if found else ""
 
 
 CODE = 128 + signal.SIGTERM

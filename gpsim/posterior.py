@@ -74,8 +74,9 @@ class Explanation:
     def drawable(self, leader: EffectsPlant, level: float) -> Drawable:
         """As simulators that are drawn. leader: the corrected simulator; level: of the intervals. Raises UsageError."""
         sizes = []
-        each = zip(parameters_of(self.hypothesis), self.intervals.tolist(), strict=True)
-        for (i, term, p), (low, high) in each:
+        for (i, term, p), (low, high) in zip(
+            parameters_of(self.hypothesis), self.intervals.tolist(), strict=True
+        ):
             if not np.isfinite([low, high]).all():
                 raise UsageError(
                     f"the posterior is singular, the recording does not determine {p.name} of {term.family} on "

@@ -26,13 +26,9 @@ def build(cls: type[T], values: Mapping[str, Any], where: str, **fixed: Any) -> 
     if unknown:
         raise UsageError(f"{where}: no setting '{unknown[0]}'; there are: {', '.join(free)}")
     arguments = {key: _checked(value, hints[key], f"{where}.{key}") for key, value in given.items()}
-    missing = [
-        name
-        for name, field in fields.items()
-        if name not in {**arguments, **fixed}
-        and field.default is dataclasses.MISSING
-        and field.default_factory is dataclasses.MISSING
-    ]
+    none = dataclasses.MISSING
+    needed = [name for name, f in fields.items() if f.default is none and f.default_factory is none]
+    missing = [name for name in needed if name not in arguments and name not in fixed]
     if missing:
         raise UsageError(f"{where}: setting '{missing[0]}' is missing")
     try:
@@ -69,6 +65,13 @@ def number(value: Any, where: str) -> float:
     return float(value)
 
 
+def share(value: Any, where: str) -> float:
+    """A number of at least 0 and less than 1."""
+    if not 0.0 <= number(value, where) < 1.0:
+        raise UsageError(f"{where}: expected a number in [0, 1), got {value!r}")
+    return float(value)
+
+
 def texts(value: Any, where: str) -> list[str]:
     """A list of texts."""
     if not isinstance(value, list | tuple) or not all(isinstance(item, str) for item in value):
@@ -92,13 +95,11 @@ def _checked(value: Any, hint: Any, where: str) -> Any:
     if origin is typing.Literal:
         return choice(value, arguments, where)
     if hint is bool:
-        return _expect(value, isinstance(value, bool), "true or false", where)
+        return truth(value, where)
     if hint is int:
         return _expect(value, isinstance(value, int) and not isinstance(value, bool), "a whole number", where)
     if hint is float:
-        return float(
-            _expect(value, isinstance(value, int | float) and not isinstance(value, bool), "a number", where)
-        )
+        return number(value, where)
     if hint is str:
         return _expect(value, isinstance(value, str), "a text", where)
     if origin is not None and issubclass(origin, Mapping):

@@ -26,7 +26,7 @@ from gpsim.private import ExposedError, own_folder, read_own, write_own
 
 GYM = "gym:"
 FILE, SCHEMA = "trusted.json", "gpsim.trusted/1"
-_allowed: set[str] = set()
+allowed: set[str] = set()
 _everything: ContextVar[bool] = ContextVar("trust", default=False)
 
 
@@ -40,12 +40,12 @@ class Lent:
 
 def lent() -> Lent:
     """What a worker is given."""
-    return Lent(frozenset(_allowed), _everything.get())
+    return Lent(frozenset(allowed), _everything.get())
 
 
 def take(given: Lent) -> None:
     """In a worker: what the process that it works for may run."""
-    _allowed.update(given.digests)
+    allowed.update(given.digests)
     _everything.set(given.everything)
 
 
@@ -99,7 +99,7 @@ def module_of(reference: str) -> str | None:
 
 
 def _check(digest: str, reference: str, what: str, kept: str, option: str = "--simulator") -> None:
-    if digest in _allowed:
+    if digest in allowed:
         return
     known, why = _remembered()
     if _everything.get():
@@ -111,14 +111,14 @@ def _check(digest: str, reference: str, what: str, kept: str, option: str = "--s
             "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it where a "
             f"command takes {option} {named}{why}"
         )
-    _allowed.add(digest)
+    allowed.add(digest)
 
 
 def _allow(digest: str, what: str) -> None:
     """Allow it here, and remember it where that is possible."""
-    if digest in _allowed:
+    if digest in allowed:
         return
-    _allowed.add(digest)
+    allowed.add(digest)
     with suppress(OSError, ExposedError, RuntimeError), _locked() as path:
         known, _ = _read(path)
         if digest not in known:

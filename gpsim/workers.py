@@ -49,25 +49,25 @@ class Asked:
 
 
 @contextmanager
-def ends_when_asked() -> Iterator[None]:
-    """Within it SIGTERM, and SIGHUP of a terminal that is closed, raise Terminated."""
-    if threading.current_thread() is not threading.main_thread():  # whose process it is minds its signals
-        yield
-        return
-    if isinstance(signal.getsignal(signal.SIGTERM), Asked):  # it is so already
-        yield
-        return
-    asked = Asked()
-    before = {
-        number: signal.signal(number, asked)
-        for number in (signal.SIGTERM, signal.SIGHUP)
-        if signal.getsignal(number) is not signal.SIG_IGN or number == signal.SIGTERM  # as nohup has it
-    }
+def _handled(handler: Callable[[int, object], None], numbers: Sequence[int]) -> Iterator[None]:
+    """Within it these signals are handled so, in the main thread: elsewhere whose process it is minds them."""
+    mine = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in (numbers if mine else ())}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
+        for number, earlier in before.items():
+            signal.signal(number, earlier or signal.SIG_DFL)
+
+
+@contextmanager
+def ends_when_asked() -> Iterator[None]:
+    """Within it SIGTERM, and SIGHUP of a terminal that is closed, raise Terminated."""
+    already = isinstance(signal.getsignal(signal.SIGTERM), Asked)
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN  # as nohup has it
+    numbers = [signal.SIGTERM] if ignored else [signal.SIGTERM, signal.SIGHUP]
+    with _handled(Asked(), [] if already else numbers):
+        yield
 
 
 def asked_once() -> None:
@@ -91,20 +91,13 @@ def undisturbed() -> Iterator[None]:
 
     For the start of processes: one that is half started would tell of it with a traceback.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
     heard: list[int] = []
-    before = {
-        number: signal.signal(number, lambda n, frame: heard.append(n))
-        for number in (signal.SIGTERM, signal.SIGINT)
-        if callable(signal.getsignal(number))  # what is ignored or left to the system stays so
-    }
+    # What is ignored or left to the system stays so.
+    numbers = [n for n in (signal.SIGTERM, signal.SIGINT) if callable(signal.getsignal(n))]
     try:
-        yield
+        with _handled(lambda number, frame: heard.append(number), numbers):
+            yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
         for asked in dict.fromkeys(heard):
             signal.raise_signal(asked)
 

@@ -30,7 +30,7 @@ def made_diagnosis_artifact(
     found = worded(found or made_diagnosis())
     task = diagnose.Task(recording, plant.simulator.name)
     settings = {
-        "recording": diagnose.digests_of(task, recording), "simulator": plant.simulator.name,
+        "recording": diagnose.digests_of(task), "simulator": plant.simulator.name,
         "simulator_file": None, "episodes": None, "settings": {},
     }  # fmt: skip
 

@@ -124,7 +124,7 @@ def test_progress_and_notes_are_what_is_left_out(quiet, monkeypatch, capsys):
     )
 
 
-@pytest.mark.parametrize("where", ["gpsim.cli.diagnose.split_words", "gpsim.cli.main.app"])
+@pytest.mark.parametrize("where", ["gpsim.cli.options.split_words", "gpsim.cli.main.app"])
 def test_an_interruption_is_said_though_quiet(monkeypatch, capsys, where):
     def interrupted(*_):
         raise KeyboardInterrupt

@@ -1,10 +1,8 @@
 """Settings: everything resolves, and every mistake is one line with the alternatives."""
 
-import json
 import pickle
 
 import pytest
-from gpsim.cli import configuration
 from gpsim.cli.configuration import as_yaml, resolve
 
 from gpsim.errors import UsageError
@@ -29,18 +27,6 @@ def test_the_thesis_is_the_default():
         "pole_mass": 0.1,
         "pole_half_length": 0.5,
     }
-
-
-def test_what_is_kept_without_words_is_what_hydra_makes(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    configuration._of_the_package.cache_clear()
-    made = resolve([], None)
-    (kept,) = tmp_path.glob("gpsim/settings-*.json")
-    configuration._of_the_package.cache_clear()
-    monkeypatch.setattr(configuration, "_composed", None)
-    assert resolve([], None) == made
-    assert list(made) == list(json.loads(kept.read_text()))
-    configuration._of_the_package.cache_clear()
 
 
 def test_overrides_reach_the_objects():

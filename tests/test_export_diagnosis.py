@@ -21,8 +21,8 @@ from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.simulators import make_simulator
-from gpsim.stages import export_diagnosis as stage
-from gpsim.stages.export_diagnosis import export_diagnosis
+from gpsim.stages import export as stage
+from gpsim.stages.export import export_diagnosis
 
 DT, DAMPING, LENGTH = 0.02, 0.3, 0.5
 HORIZON = 0.2

@@ -20,14 +20,6 @@ def test_uneven_steps_are_weighted_by_what_they_usually_take():
     assert pace.left(40.0) == pytest.approx(60.0)  # the clock runs on though nothing is reported
 
 
-def test_a_step_that_takes_longer_makes_the_whole_longer():
-    pace = Pace(UNEVEN, 0.0)
-    pace.update(5, 100, 10.0)
-    assert pace.left(100.0) == pytest.approx(100.0 / 0.7 - 100.0, rel=0.1)
-    pace.update(40, 100, 150.0)
-    assert pace.left(300.0) >= 0.5 * 150.0  # never nothing while it still runs
-
-
 @pytest.mark.parametrize("slower", [0.7, 1.0, 1.4])
 def test_after_the_first_fifth_the_forecast_is_within_a_factor_of_two(slower):
     """The middle step takes another time than usual."""

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
 from gpsim.reports.sweep_page import main_figures, sweep_page
-from gpsim.stages import grid
+from gpsim.stages import full_loop
 from gpsim.stages.jobs import numbered
 
 QUICK = ("budget=smoke", "collect.policy=random")
@@ -50,7 +50,7 @@ def test_what_is_no_sweep_is_one_line(word, said):
 
 
 def plan_of(*words, of="evaluate"):
-    return grid.grid_of(resolved(points_of([*QUICK, *words]), None), of)
+    return full_loop.grid_of(resolved(points_of([*QUICK, *words]), None), of)
 
 
 def test_what_points_share_is_made_once():

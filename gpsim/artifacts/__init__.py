@@ -16,28 +16,7 @@ from gpsim.artifacts.locks import Leftover, erase, held, hide, leftovers, needed
 from gpsim.artifacts.store import SCHEMA, VERSION, Store, git_commit, listed_once, package_versions
 
 __all__ = [
-    "MANIFEST",
-    "SCHEMA",
-    "TIMINGS",
-    "VERSION",
-    "Artifact",
-    "Leftover",
-    "Mishaps",
-    "Recipe",
-    "Store",
-    "erase",
-    "folder_digests",
-    "git_commit",
-    "held",
-    "hide",
-    "leftovers",
-    "listed_once",
-    "needed",
-    "package_versions",
-    "read_artifact",
-    "read_manifest",
-    "read_timings",
-    "read_warnings",
-    "sweep_all",
-    "unneeded",
-]
+    "MANIFEST", "SCHEMA", "TIMINGS", "VERSION", "Artifact", "Leftover", "Mishaps", "Recipe", "Store", "erase",
+    "folder_digests", "git_commit", "held", "hide", "leftovers", "listed_once", "needed", "package_versions",
+    "read_artifact", "read_manifest", "read_timings", "read_warnings", "sweep_all", "unneeded",
+]  # fmt: skip

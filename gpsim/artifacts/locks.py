@@ -67,7 +67,6 @@ def _made(path: Path) -> IO[bytes]:
 
 
 def _signature(stream: IO[bytes]) -> str:
-    """Who holds the file, in words."""
     stream.seek(0)
     number, _, host = stream.read().decode(errors="replace").partition(" ")
     if not number.isdecimal():

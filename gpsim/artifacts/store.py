@@ -98,46 +98,28 @@ FOLDER = ".keys"
 MOST_BYTES = 256  # of a marker: the name of a folder
 
 
-def marked(shelf: Path, key: str) -> Path | None:
-    """The version that the key's marker names, if it is there."""
+def _markers(shelf: Path) -> Path:
+    return shelf.parent.parent / FOLDER / shelf.parent.name / shelf.name
+
+
+def _said(marker: Path) -> str | None:
+    """The version that a marker names; None where it is none."""
     try:
-        name = _said(_folder(shelf) / key)
+        return regular_bytes(marker, MOST_BYTES).decode("ascii")
     except (OSError, ValueError, UsageError):
         return None
-    return shelf / name if os.sep not in name and (shelf / name).is_dir() else None
 
 
 def mark(shelf: Path, key: str, name: str) -> None:
     """Say that the version `name` will have the key; raises OSError."""
-    folder = _folder(shelf)
+    folder = _markers(shelf)
     folder.mkdir(parents=True, exist_ok=True)
     written = folder / f".{uuid.uuid4().hex[:12]}"
     written.write_text(name, encoding="ascii")
     written.replace(folder / key)
 
 
-def all_marked(shelf: Path, names: list[str]) -> bool:
-    """Whether each of these versions has a marker."""
-    if not names:
-        return True
-    try:
-        found = {_said(path) for path in _folder(shelf).iterdir()}
-    except (OSError, ValueError, UsageError):
-        return False
-    return found.issuperset(names)
-
-
-def _said(marker: Path) -> str:
-    return regular_bytes(marker, MOST_BYTES).decode("ascii")
-
-
-def _folder(shelf: Path) -> Path:
-    return shelf.parent.parent / FOLDER / shelf.parent.name / shelf.name
-
-
 SCHEMA = "gpsim.artifact/1"
-
-
 PACKAGES = (
     "gpsim", "gymnasium", "numpy", "pandas", "pyarrow", "rosbags", "scipy", "stable-baselines3", "torch",
 )  # fmt: skip
@@ -176,10 +158,13 @@ class Store:
     root: Path
     experiment: str
 
+    def shelf(self, stage: str) -> Path:
+        """Where the versions of a stage lie."""
+        return self.root / self.experiment / stage
+
     def versions(self, stage: str) -> Iterator[Path]:
         """Finished versions of a stage, newest first."""
-        shelf = self.root / self.experiment / stage
-        yield from (shelf / name for name, _, _ in entries(shelf))
+        yield from (self.shelf(stage) / name for name, _, _ in entries(self.shelf(stage)))
 
     def find(self, recipe: Recipe, *, looked: bool = False) -> Artifact | None:
         """The artifact with the same key, verified; None when there is none yet.
@@ -187,23 +172,22 @@ class Store:
         A version whose manifest is damaged may be the one: it is refused, not passed over. looked: somebody has
         looked through the shelf, so only what was made since counts: it has a marker.
         """
-        return self._of_key(recipe.stage, recipe.key, looked)
-
-    def _of_key(self, stage: str, key: str, looked: bool = False) -> Artifact | None:
-        shelf = self.root / self.experiment / stage
-        if (path := marked(shelf, key)) is not None:
-            found = read_artifact(path, stage)
+        shelf, key = self.shelf(recipe.stage), recipe.key
+        name = _said(_markers(shelf) / key)
+        if name and os.sep not in name and (shelf / name).is_dir():
+            found = read_artifact(shelf / name, recipe.stage)
             if found.key == key:
                 return found
-        if not looked:
-            for path in of_key(shelf, key):
-                return read_artifact(path, stage)
-        return None
+        path = None if looked else next(of_key(shelf, key), None)
+        return None if path is None else read_artifact(path, recipe.stage)
 
     def all_marked(self, stage: str) -> bool:
         """Whether every version of a stage can be found by its marker."""
-        shelf = self.root / self.experiment / stage
-        return all_marked(shelf, [name for name, *_ in entries(shelf)])
+        shelf = self.shelf(stage)
+        names = {name for name, *_ in entries(shelf)}
+        with suppress(OSError):
+            return not names or names <= {_said(path) for path in _markers(shelf).iterdir()}
+        return False
 
     @contextmanager
     def claimed(self, recipe: Recipe, waiting: Callable[[str], None]) -> Iterator[None]:
@@ -211,7 +195,7 @@ class Store:
 
         `waiting(who)` is called where another process has it, which this one then waits for.
         """
-        shelf = self.root / self.experiment / recipe.stage
+        shelf = self.shelf(recipe.stage)
         with disk_errors(shelf):
             _make_folder(shelf)
         with held(shelf / f".making-{recipe.key[:16]}.lock", waiting):
@@ -231,7 +215,7 @@ class Store:
         `number` asks for a version, the next free one is taken when it is gone. A crash leaves only a temporary
         folder, which the next publication of that stage removes.
         """
-        shelf = out.parent if out else self.root / self.experiment / recipe.stage
+        shelf = out.parent if out else self.shelf(recipe.stage)
         with disk_errors(shelf):
             _make_folder(shelf)
             if out is not None and out.exists():
@@ -249,11 +233,7 @@ class Store:
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""
         taken = {int(path.name[1:]) for path in self.versions(stage)}
-        number = 1
-        while True:
-            if number not in taken:
-                yield number
-            number += 1
+        yield from (number for number in count(1) if number not in taken)
 
 
 def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:

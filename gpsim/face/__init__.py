@@ -4,13 +4,6 @@ Offered are its files: what asks for one name does not wait for what others need
 """
 
 __all__ = [
-    "corrected",
-    "diagnosis",
-    "environment",
-    "evaluation",
-    "planning",
-    "processes",
-    "recordings",
-    "registration",
-    "simulators",
-]
+    "corrected", "diagnosis", "environment", "evaluation", "planning", "processes", "recordings",
+    "registration", "simulators",
+]  # fmt: skip

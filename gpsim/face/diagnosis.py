@@ -99,7 +99,8 @@ def diagnose(
         )
     asked = read_known(known, families)
     asked = replace(asked, also=(*asked.also, *bring(brought)))
-    question = Question(_settings(settings), asked, whole(seed, "seed"), cores, progress or silent)
+    given = settings if isinstance(settings, Settings) else read_settings(settings or {})
+    question = Question(given, asked, whole(seed, "seed"), cores, progress or silent)
     outcome = answer(taken, model, question)
 
     from gpsim.face.found import Made
@@ -121,10 +122,6 @@ def _brought(given: Sequence[Any]) -> list[Brought]:
 
 def _share(effect: NamedEffect) -> float:
     return math.nan if effect.importance is None else effect.importance.share
-
-
-def _settings(given: Settings | Mapping[str, Mapping[str, Any]] | None) -> Settings:
-    return given if isinstance(given, Settings) else read_settings(given or {})
 
 
 class Diagnosis:

@@ -128,28 +128,18 @@ def make_env(
         if function is not None and not callable(function):
             raise UsageError(f"make_env: {name}: expected a function, got {type(function).__name__}")
     low, high = _bounds(actions or {}, recording, plant)
-    made = OwnTask(
-        plant.state,
-        plant.action,
-        reward,
-        _starts(starts, recording, plant),
-        low,
-        high,
-        terminated or never,
-        vectorised=vectorised,
-        **steps,
-    )
+    begin, end = _starts(starts, recording, plant), terminated or never
+    made = OwnTask(plant.state, plant.action, reward, begin, low, high, end, vectorised=vectorised, **steps)
     return _env(plant, made, count)
 
 
 def _env(plant: Plant, task: Task, count: int | None) -> SingleEnv | BatchedEnv:
-    return (
-        SingleEnv(plant, task) if count is None else BatchedEnv(plant, task, positive(count, "count"), seed=0)
-    )
+    if count is None:
+        return SingleEnv(plant, task)
+    return BatchedEnv(plant, task, positive(count, "count"), seed=0)
 
 
 def _plant(given: Any, gp: bool, trust: bool) -> tuple[Corrected, Recording | None]:
-    """What steps, and the recording that it was learnt from."""
     from gpsim.face.diagnosis import Diagnosis
 
     if isinstance(given, str | Path):
@@ -198,7 +188,9 @@ def _bounds(
     """(A,) least and (A,) largest command."""
     for name in given:
         choice(name, plant.action.names, "actions")
-    known = {} if recording is None else _commanded(recording)
+    sent = recording.transitions().actions if recording is not None else np.empty((0, 0))
+    commanded = zip(recording.action.names, sent.T, strict=True) if recording is not None else ()
+    known = {name: (float(column.min()), float(column.max())) for name, column in commanded}
     pairs = []
     for name in plant.action.names:
         if name not in given and name not in known:
@@ -213,17 +205,11 @@ def _bounds(
     return np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
 
 
-def _commanded(recording: Recording) -> dict[str, tuple[float, float]]:
-    actions = recording.transitions().actions
-    return {
-        n: (float(c.min()), float(c.max())) for n, c in zip(recording.action.names, actions.T, strict=True)
-    }
-
-
 def _starts(given: Recording | ArrayLike | None, recording: Recording | None, plant: Corrected) -> FloatArray:
     """(N, S) states."""
-    if isinstance(given, Recording) or (given is None and recording is not None):
-        return _states(given if isinstance(given, Recording) else recording, plant)  # type: ignore[arg-type]
+    given = recording if given is None else given
+    if isinstance(given, Recording):
+        return _states(given, plant)
     if given is None:
         raise UsageError("make_env: say where episodes begin: starts=, states (N, S) or a recording")
     try:
@@ -245,9 +231,8 @@ def _states(recording: Recording, plant: Corrected) -> FloatArray:
     states = shown.transitions().states
     out = np.zeros((len(states), len(plant.state)))
     for i, name in enumerate(plant.state.names):
-        out[:, i] = (
-            states[:, shown.state.index(name)] if name in shown.state.names else sight.held.get(name, 0.0)
-        )
+        seen = name in shown.state.names
+        out[:, i] = states[:, shown.state.index(name)] if seen else sight.held.get(name, 0.0)
     if not len(out):
         raise UsageError("make_env: the recording has no transition from which an episode could begin")
     return out

@@ -23,16 +23,9 @@ from gpsim.posterior import LeftOpen, posterior_of
 from gpsim.recordings import Recording
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
+from gpsim.stages import diagnosis_files
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis, read_left_open
-from gpsim.stages.diagnosis_files import (
-    FIGURES,
-    Question,
-    described,
-    drawn,
-    plant_of,
-    title_of,
-    write_diagnosis,
-)
+from gpsim.stages.diagnosis_files import Question, write_diagnosis
 from gpsim.stages.stage import SOURCES
 
 if TYPE_CHECKING:
@@ -61,7 +54,7 @@ class Made:
     @cached_property
     def pictures(self) -> Mapping[str, Picture]:
         """Those that can be drawn."""
-        return drawn(self.result, self.outcome, Mishaps())
+        return diagnosis_files.drawn(self.result, self.outcome, Mishaps())
 
     @property
     def left_open(self) -> LeftOpen:
@@ -70,8 +63,8 @@ class Made:
 
     def corrected(self, gp: bool) -> EffectsPlant:
         """As it is written down and read again."""
-        content = described(self.outcome, self.result, self.simulator.state)
-        return plant_of(content, self.simulator, self._process if gp else None)
+        content = diagnosis_files.described(self.outcome, self.result, self.simulator.state)
+        return diagnosis_files.plant_of(content, self.simulator, self._process if gp else None)
 
     def _process(self, channels: Channels) -> tuple[Predictor, Features]:
         """The Gaussian process on what is left; asked only where there is one."""
@@ -94,7 +87,8 @@ class Made:
         recipe = Recipe("diagnose", config, {}, seeds, format=FORMAT, code=SOURCES)
 
         def write(temporary: Path) -> None:
-            write_diagnosis(temporary, self.outcome, self.simulator, title_of(self.recording))
+            title = diagnosis_files.title_of(self.recording)
+            write_diagnosis(temporary, self.outcome, self.simulator, title)
 
         Store(folder.parent, "").publish(recipe, write, out=folder)
 
@@ -136,7 +130,7 @@ class Kept:
         """Those that were drawn, by the names of their files."""
         from gpsim.reports.diagnosis_figures import Picture
 
-        paths = sorted((self.artifact.path / FIGURES).glob("*.png"))
+        paths = sorted((self.artifact.path / diagnosis_files.FIGURES).glob("*.png"))
         return {path.stem: Picture(path.stem.replace("_", " "), "", path.read_bytes()) for path in paths}
 
     @property
@@ -172,15 +166,13 @@ def content_digest(recording: Recording) -> str:
         "velocities": recording.velocities,
         "clock": recording.clock,
         "noise": dict(recording.noise),
-        "held_out": None if recording.held_out is None else vars(recording.held_out),
+        "held_out": recording.held_out and vars(recording.held_out),
         "episodes": [(e.name, len(e.t)) for e in recording.episodes],
     }
     if len(recording.poses):
         said["poses"] = list(recording.poses.names)
     if recording.sources:
-        said["sources"] = [
-            (s.name, None if s.held_out is None else vars(s.held_out)) for s in recording.sources
-        ]
+        said["sources"] = [(s.name, s.held_out and vars(s.held_out)) for s in recording.sources]
         said["of"] = [e.source for e in recording.episodes]
     digest = hashlib.sha256(canonical(said))
     for episode in recording.episodes:

@@ -13,7 +13,7 @@ from gpsim.face.recordings import taken_of
 from gpsim.planning import Plan
 from gpsim.recordings import Recording
 from gpsim.settings import build, number, whole
-from gpsim.stages.stage import generator
+from gpsim.stages.stage import silent
 from gpsim.watching import Account, Alarm, Monitor, WatchSettings, looked_at
 
 
@@ -63,7 +63,7 @@ def plan(
         >>> plan.commands.shape, plan.safety.left
         ((150, 1), 0)
     """
-    from gpsim.stages.plan import planned, steered_by  # with pages, which take a second to load
+    from gpsim.stages.plan import Asked, planned  # with pages, which take a second to load
 
     if diagnosis.verdict == "none":
         raise UsageError("the verdict is none: nothing is missing, and there is nothing to plan for")
@@ -73,14 +73,9 @@ def plan(
         "commands": commands, "rates": rates, "box": box, "rest": rest, "rest_commands": rest_commands,
     }  # fmt: skip
     given = {key: dict(value) for key, value in stated.items() if value is not None}
-    rng = generator(whole(seed, "seed"), "plan")
-    plant = _plant(diagnosis)
-    section, steer = (
-        {**(settings or {}), **given},
-        steered_by(None if policy is None else Path(policy), plant),
-    )
-    made, _ = planned(diagnosis.left_open, plant, section, minutes, rng, progress, anew=anew, steer=steer)
-    return made
+    steering = None if policy is None else Path(policy)
+    asked = Asked(minutes, anew, steering, whole(seed, "seed"), progress or silent)
+    return planned(diagnosis.left_open, _plant(diagnosis), {**(settings or {}), **given}, asked)[0]
 
 
 def _plant(diagnosis: Diagnosis) -> EffectsPlant:

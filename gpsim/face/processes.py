@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from gpsim.corrected import PREDICTIONS, CorrectedPlant, Features, GpCorrection, Prediction
 from gpsim.errors import UsageError
@@ -17,7 +17,7 @@ from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording
 from gpsim.residuals import SHARE, build_residuals
 from gpsim.settings import build, choice, positive, whole
-from gpsim.simulators import INTEGRATORS
+from gpsim.simulators import INTEGRATORS, Integrator
 from gpsim.stages.stage import generator
 from gpsim.trust import trusting
 
@@ -71,29 +71,21 @@ def fit_gp(
     taken = in_its_columns(taken, model)
     parameters = model.defaults(taken.parameters)
     integrator = choice(taken.integrator, INTEGRATORS, "the recording's integrator")
-    residuals = build_residuals(
-        taken,
-        model,
-        parameters,
-        integrator,  # type: ignore[arg-type]  # one of them
-        test_fraction=SHARE,
-        rng=generator(whole(seed, "seed"), "build-residuals/order"),
-    )
+    rng, how = generator(whole(seed, "seed"), "build-residuals/order"), cast(Integrator, integrator)
+    residuals = build_residuals(taken, model, parameters, how, test_fraction=SHARE, rng=rng)
     names = list(inputs) if inputs is not None else list(residuals.channels.names)
     features = Features.of(names, residuals.channels)
     rows = residuals.training_rows(positive(n_train, "n_train"))
     if len(rows) < FEWEST:
         raise UsageError(f"only {len(rows)} training transitions: record more, or hold out less")
     bounds = Bounds(noise_std=Interval(NOISE_FLOOR, Bounds().noise_std.high))
-    how = build(FitSettings, settings or {}, "settings", bounds=bounds)
-    gps = fit_outputs(
-        features(residuals.inputs[rows]), residuals.values[rows], how, generator(seed, "fit-gp")
-    )
+    fitting = build(FitSettings, settings or {}, "settings", bounds=bounds)
+    inside, rng = features(residuals.inputs[rows]), generator(seed, "fit-gp")
+    gps = fit_outputs(inside, residuals.values[rows], fitting, rng)
     fits = {n: gp.report for n, gp in zip(residuals.rate.names, gps, strict=True) if gp.report is not None}
     for name, fit in fits.items():
         for text in fit.warnings:
             warnings.warn(f"{name}: {text}", UserWarning, stacklevel=2)
     choice(prediction, PREDICTIONS, "prediction")
     correction = GpCorrection(Predictor(gps), features, prediction, sample_noise=False)
-    plant = CorrectedPlant(model, parameters, integrator, taken.dt, correction)  # type: ignore[arg-type]
-    return CorrectedSimulator(plant, taken, fits)
+    return CorrectedSimulator(CorrectedPlant(model, parameters, how, taken.dt, correction), taken, fits)

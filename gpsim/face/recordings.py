@@ -64,7 +64,14 @@ def read_recording(
     if mapping is not None:
         if simulator is not None:
             raise UsageError("read_recording: a mapping names its system; leave simulator out")
-        return _imported(_paths(path), mapping, changes, salvage)
+        from gpsim.stages.import_log import read_logs
+
+        paths = [Path(one) for one in ([path] if isinstance(path, str | Path) else path)]
+        given = str(mapping) if isinstance(mapping, Path) else mapping
+        recording, report, _ = read_logs(paths, given, changes, salvage, say=_warn)
+        for text in report.warnings:
+            _warn(text)
+        return recording
     if changes or salvage:
         raise UsageError("read_recording: changes and salvage go with a mapping")
     if not isinstance(path, str | Path):
@@ -87,24 +94,8 @@ def read_recording(
     return read_table(place, load_simulator(simulator))
 
 
-def _paths(path: str | Path | Sequence[str | Path]) -> list[Path]:
-    return [Path(path)] if isinstance(path, str | Path) else [Path(one) for one in path]
-
-
-def _imported(
-    paths: Sequence[Path], mapping: str | Path | Mapping[str, Any], changes: Sequence[str], salvage: bool
-) -> Recording:
-    from gpsim.stages.import_log import read_logs
-
-    given = str(mapping) if isinstance(mapping, Path) else mapping
-    recording, report, _ = read_logs(paths, given, changes, salvage, say=_warn)
-    for text in report.warnings:
-        _warn(text)
-    return recording
-
-
 def _warn(text: str) -> None:
-    warnings.warn(text, UserWarning, stacklevel=4)
+    warnings.warn(text, UserWarning, stacklevel=3)
 
 
 def recording_from_frame(
@@ -159,20 +150,30 @@ def recording_from_frame(
     model = load_simulator(simulator)
     table = _chosen(frame, units, time, episode)
     _check_units(units, model)
-    recording = table_recording(table, FRAME, model, _positive(dt))
+    if dt is not None and not (math.isfinite(number(dt, "dt")) and dt > 0):
+        raise UsageError(f"dt: expected seconds, more than 0, got {dt:g}")
+    recording = table_recording(table, FRAME, model, dt)
     _check_steps(recording)
-    named = _among(wraps, recording.state.names, "wraps")
-    state = Channels.of(recording.state.units, wraps=(*(c.name for c in recording.state if c.wraps), *named))
+    every = recording.state + recording.action
+    for name, deviation in (noise or {}).items():
+        choice(name, every.names, "noise")
+        if not number(deviation, f"noise: {name}") >= 0.0:
+            raise UsageError(f"noise: {name}: a standard deviation is at least 0, got {deviation:g}")
+    if held_out is not None and not 0.0 <= number(held_out, "held_out") < 1.0:
+        raise UsageError(f"held_out: expected a share in [0, 1), got {held_out:g}")
+    if velocities is not None:
+        choice(velocities, ("measured", "differentiated"), "velocities")
+    angles = [c.name for c in recording.state if c.wraps]
+    for name in [wraps] if isinstance(wraps, str) else wraps:
+        angles.append(choice(name, recording.state.names, "wraps"))
     return replace(
         recording,
-        state=state,
+        state=Channels.of(recording.state.units, wraps=angles),
         parameters=model.defaults(parameters),
-        integrator=recording.integrator
-        if integrator is None
-        else choice(integrator, INTEGRATORS, "integrator"),
-        velocities=velocities if velocities is None else _velocities(velocities),
-        noise=_noise(noise or {}, recording.state + recording.action),
-        held_out=None if held_out is None else HeldOut(share=_share(held_out)),
+        integrator=choice(integrator or recording.integrator, INTEGRATORS, "integrator"),
+        velocities=velocities,
+        noise={name: float(deviation) for name, deviation in (noise or {}).items()},
+        held_out=None if held_out is None else HeldOut(share=float(held_out)),
     )
 
 
@@ -233,39 +234,6 @@ def _check_steps(recording: Recording) -> None:
             f"{FRAME}: its time has no usual step: {100 * over:.0f} % of the steps are longer than {LONGEST_STEP:g} "
             f"times the median of {usual:.3g} s; resample it to even steps"
         )
-
-
-def _among(names: Iterable[str], known: Sequence[str], where: str) -> list[str]:
-    given = [names] if isinstance(names, str) else list(names)
-    return [choice(name, known, where) for name in given]
-
-
-def _noise(given: Mapping[str, float], channels: Channels) -> dict[str, float]:
-    for name, deviation in given.items():
-        choice(name, channels.names, "noise")
-        if not (number(deviation, f"noise: {name}") >= 0.0):
-            raise UsageError(f"noise: {name}: a standard deviation is at least 0, got {deviation:g}")
-    return {name: float(deviation) for name, deviation in given.items()}
-
-
-def _velocities(given: str) -> Velocities:
-    return (
-        "measured"
-        if choice(given, ("measured", "differentiated"), "velocities") == "measured"
-        else "differentiated"
-    )
-
-
-def _positive(dt: float | None) -> float | None:
-    if dt is not None and not (math.isfinite(number(dt, "dt")) and dt > 0):
-        raise UsageError(f"dt: expected seconds, more than 0, got {dt:g}")
-    return dt
-
-
-def _share(held_out: float) -> float:
-    if not 0.0 <= number(held_out, "held_out") < 1.0:
-        raise UsageError(f"held_out: expected a share in [0, 1), got {held_out:g}")
-    return float(held_out)
 
 
 Recordings = Recording | str | Path | Sequence[Recording | str | Path] | Mapping[str, Recording | str | Path]

@@ -12,10 +12,6 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from importlib.abc import Loader
 
 LIBRARY = "gymnasium"
 ENVIRONMENTS = {
@@ -42,9 +38,9 @@ def _register() -> None:
 
 
 class _OnImport:
-    """Waits for the one import, then steps aside.
+    """A finder that waits for the one import, then steps aside.
 
-    It is a finder without importlib.abc's word for it: that takes longer to import than all the rest of `gpsim`.
+    It is one without importlib.abc's word for it: that takes longer to import than all the rest of `gpsim`.
     """
 
     def find_spec(
@@ -55,28 +51,14 @@ class _OnImport:
             return None
         sys.meta_path.remove(self)
         spec = find_spec(fullname)
-        if spec is not None and spec.loader is not None:
-            spec.loader = _Registering(spec.loader)  # type: ignore[assignment]
+        loader = spec.loader if spec is not None else None
+        if loader is not None:
+            execute = loader.exec_module
+
+            def exec_module(module: ModuleType) -> None:
+                del loader.exec_module  # from then on the loader is as it was
+                execute(module)
+                _register()
+
+            loader.exec_module = exec_module  # type: ignore[method-assign]
         return spec
-
-
-class _Registering:
-    """Another loader, and the registration after it."""
-
-    def __init__(self, inner: Loader) -> None:
-        self._inner = inner
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._inner, name)  # what readers of resources ask of the real one
-
-    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
-        """As the real one."""
-        return self._inner.create_module(spec)
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Run it, then register; from then on the real loader stands in its own place."""
-        if module.__spec__ is not None:
-            module.__spec__.loader = self._inner
-        module.__loader__ = self._inner
-        self._inner.exec_module(module)
-        _register()

@@ -69,15 +69,9 @@ def load_simulator(
         ('tank()', {'q': 'm', 'q_dot': 'm/s'})
     """
     given = {
-        "state": state,
-        "action": action,
-        "parameters": parameters,
-        "coordinates": coordinates,
-        "force_units": force_units,
-        "wraps": wraps or None,
-        "start": start,
-        "integrator": integrator,
-    }
+        "state": state, "action": action, "parameters": parameters, "coordinates": coordinates,
+        "force_units": force_units, "wraps": wraps or None, "start": start, "integrator": integrator,
+    }  # fmt: skip
     declared = {key: value for key, value in given.items() if value is not None}
     if isinstance(simulator, str | Path | Simulator):
         if declared:

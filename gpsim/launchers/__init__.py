@@ -15,24 +15,12 @@ from gpsim.launchers.running import (
     JobFailedError,
     Launcher,
     Local,
-    Outcome,
     Progress,
     Slurm,
     Task,
-    Update,
     launcher_from,
 )
 
 __all__ = [
-    "Dask",
-    "JobFailedError",
-    "Launcher",
-    "Local",
-    "Outcome",
-    "Progress",
-    "Slurm",
-    "Task",
-    "Update",
-    "launcher_from",
-    "run_tasks",
-]
+    "Dask", "JobFailedError", "Launcher", "Local", "Progress", "Slurm", "Task", "launcher_from", "run_tasks",
+]  # fmt: skip

@@ -28,7 +28,16 @@ from distributed.utils import format_dashboard_link
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, tells_of_full_disk
-from gpsim.launchers.running import Dask, JobFailedError, LostSchedulerError, Progress, Slurm, Task, Update
+from gpsim.launchers.running import (
+    Dask,
+    JobFailedError,
+    LostSchedulerError,
+    Place,
+    Progress,
+    Slurm,
+    Task,
+    Update,
+)
 from gpsim.launchers.slurm import LOOPBACK, Upkeep, check_keys, own_keys, slurm_workers
 from gpsim.trust import Lent, lent, take
 
@@ -44,19 +53,18 @@ DEATHS = 5  # workers that a task may lose before it is given up: a task that ki
 AGAIN = "run the same command to carry on"
 
 
-class DaskWorkers:
+class DaskWorkers(Place):
     """At most a few tasks a thread are on their way at a time, the others wait here."""
 
     def __init__(
         self, client: Client, mark: str, launcher: Dask | Slurm, update: Update, upkeep: Upkeep | None
     ) -> None:
-        self.executor = client.get_executor(pure=False)
-        self.client, self._mark, self._launcher = client, mark, launcher
-        self._update, self._upkeep = update, upkeep
-        self._told: queue.SimpleQueue[tuple[str, int, int, str]] = queue.SimpleQueue()
+        told: queue.SimpleQueue[tuple[str, int, int, str]] = queue.SimpleQueue()
+        super().__init__(client.get_executor(pure=False), SPARE, update, told)
+        self.client, self._mark, self._launcher, self._upkeep = client, mark, launcher, upkeep
         self._threads, self._looked = 0, -LOOK
         self._seen, self._patience = time.monotonic(), ALONE
-        client.subscribe_topic(TOPIC, lambda event: self._told.put(tuple(event[1])))
+        client.subscribe_topic(TOPIC, lambda event: told.put(tuple(event[1])))
 
     def room(self) -> int:
         """Twice the threads of all workers, and some for those that come."""
@@ -66,19 +74,16 @@ class DaskWorkers:
             with suppress(OSError, ValueError, TimeoutError):
                 self._threads = sum(self.client.nthreads().values())
             self._say_if_alone(now)
-        return AHEAD * self._threads + SPARE
+        return AHEAD * self._threads + self.count
 
     def sent(self, task: Task) -> Callable[[], Any]:
         """With the command's folder, and the code that it may run."""
-        return partial(
-            carry_out, Errand(task.label, task.work, str(Path.cwd()), self._mark, PATIENCE, lent())
-        )
+        errand = Errand(task.label, task.work, str(Path.cwd()), self._mark, PATIENCE, lent())
+        return partial(carry_out, errand)
 
     def look(self, unfinished: int) -> None:
         """So many workers are enough. Raises LostSchedulerError where nobody knows what became of the tasks."""
-        with suppress(queue.Empty):
-            while True:
-                self._update(*self._told.get_nowait())
+        super().look(unfinished)
         if self.client.status != "running":
             raise LostSchedulerError(f"the Dask scheduler is gone; {AGAIN}")
         if self._upkeep is not None:
@@ -141,26 +146,22 @@ def dask_workers(launcher: Dask | Slurm, update: Update) -> Iterator[DaskWorkers
         "distributed.worker.memory.terminate": 0.95,
     }
     with dask.config.set(settings), ExitStack() as stack:
-        upkeep = None
-        to: Any = launcher.address if isinstance(launcher, Dask) else None
+        upkeep, theirs = None, isinstance(launcher, Dask) and launcher.address is not None
+        to: Any
         if isinstance(launcher, Slurm):
             to, upkeep = stack.enter_context(slurm_workers(launcher))
-        elif to is None:
+        elif launcher.address is None:
             to = stack.enter_context(_local_cluster(launcher))
         else:
-            check_keys(to)
+            check_keys(to := launcher.address)
         client = stack.enter_context(_connected(to))
-        launcher.announce(f"Dask's dashboard: {_dashboard(client, launcher)}")
+        # Dask would give the dashboard of what is started here the scheduler's address.
+        port = client.scheduler_info()["services"]["dashboard"]
+        link = client.dashboard_link if theirs else format_dashboard_link(launcher.dashboard, port)
+        launcher.announce(f"Dask's dashboard: {link}")
         workers = DaskWorkers(client, stack.enter_context(_mark()), launcher, update, upkeep)
         stack.callback(workers.leave)
         yield workers
-
-
-def _dashboard(client: Client, launcher: Dask | Slurm) -> str:
-    """The dashboard's link. Dask would give that of what is started here the scheduler's address."""
-    if isinstance(launcher, Dask) and launcher.address is not None:
-        return str(client.dashboard_link)
-    return str(format_dashboard_link(launcher.dashboard, client.scheduler_info()["services"]["dashboard"]))
 
 
 def _local_cluster(launcher: Dask) -> Any:

@@ -7,17 +7,15 @@ import os
 import queue
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from multiprocessing.queues import Queue
 from typing import Any
 
 from gpsim.launchers.running import Launcher, Local, Outcome, Place, Progress, Task, Update, run_in
-from gpsim.workers import WorkerPool, begin_worker, worker_pool
+from gpsim.workers import begin_worker, worker_pool
 
-Message = tuple[str, int, int, str]
-_messages: Queue[Message]
+_messages: Queue[tuple[str, int, int, str]]
 
 
 def run_tasks(
@@ -38,42 +36,8 @@ def _opened(launcher: Launcher, update: Update) -> AbstractContextManager[Place]
     return dask_workers(launcher, update)
 
 
-@dataclass
-class _Processes:
-    """No more tasks are handed out than there are processes.
-
-    One that fails ends the run, and its process would begin the next one that it holds.
-    """
-
-    executor: WorkerPool
-    count: int
-    messages: Queue[Message]
-    update: Update
-
-    def room(self) -> int:
-        return self.count
-
-    def sent(self, task: Task) -> Callable[[], Any]:
-        return partial(_work, task.label, task.work)
-
-    def look(self, unfinished: int) -> None:
-        with suppress(queue.Empty):
-            while True:
-                self.update(*self.messages.get_nowait())
-
-    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
-        return done.result(), ""
-
-
-class _Here(Executor):
-    """One task after the other in this process: the place, and its own executor."""
-
-    def __init__(self, update: Update) -> None:
-        self._update = update
-
-    @property
-    def executor(self) -> Executor:
-        return self
+class _AtOnce(Executor):
+    """One call after the other, in this process."""
 
     def submit(self, job: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         done: Future[Any] = Future()
@@ -83,28 +47,36 @@ class _Here(Executor):
             done.set_exception(error)
         return done
 
-    def room(self) -> int:
-        return 1
+
+class _Here(Place):
+    """One task after the other; what they tell is passed on at once."""
+
+    def __init__(self, update: Update) -> None:
+        super().__init__(_AtOnce(), 1, update, queue.SimpleQueue())
 
     def sent(self, task: Task) -> Callable[[], Any]:
-        return partial(task.work, partial(self._update, task.label))
+        return partial(task.work, partial(self.update, task.label))
 
-    def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
-        return done.result(), ""
 
-    def look(self, unfinished: int) -> None:
-        pass
+class _Processes(Place):
+    """No more tasks are handed out than there are processes.
+
+    One that fails ends the run, and its process would begin the next one that it holds.
+    """
+
+    def sent(self, task: Task) -> Callable[[], Any]:
+        return partial(_work, task.label, task.work)
 
 
 @contextmanager
-def _processes(count: int, update: Update) -> Iterator[_Processes]:
+def _processes(count: int, update: Update) -> Iterator[Place]:
     """So many processes; raises WorkerDiedError where one did not live as long as the block."""
-    messages: Queue[Message] = multiprocessing.get_context("spawn").Queue()
+    messages: Queue[tuple[str, int, int, str]] = multiprocessing.get_context("spawn").Queue()
     with worker_pool(count, _start_worker, messages, os.getpid()) as pool:
-        yield _Processes(pool, count, messages, update)
+        yield _Processes(pool, count, update, messages)
 
 
-def _start_worker(messages: Queue[Message], parent: int) -> None:
+def _start_worker(messages: Queue[tuple[str, int, int, str]], parent: int) -> None:
     global _messages
     _messages = messages
     begin_worker(parent)

@@ -20,8 +20,6 @@ Progress = Callable[[int, int, str], None]
 """progress(done, total, note) of one task"""
 Update = Callable[[str, int, int, str], None]
 """update(label, done, total, note) of any task"""
-
-
 Announce = Callable[[str], None]
 """announce(line): of where it runs, as the dashboard's link"""
 
@@ -128,24 +126,36 @@ class Outcome:
     node: str = ""
 
 
-class Place(Protocol):
-    """Where tasks run: an executor, and what is particular about it."""
+class Messages(Protocol):
+    """A queue of what running tasks tell: label, done, total, note."""
 
-    @property
-    def executor(self) -> Executor:
-        """What runs them."""
+    def get_nowait(self) -> tuple[str, int, int, str]:
+        """The next one; raises queue.Empty."""
+
+
+class Place:
+    """Where tasks run: an executor, and how many it is given at a time; others say what is particular about theirs."""
+
+    def __init__(self, executor: Executor, count: int, update: Update, messages: Messages) -> None:
+        self.executor, self.count, self.update, self.messages = executor, count, update, messages
 
     def room(self) -> int:
         """How many tasks may be handed out at a time, as things stand."""
+        return self.count
 
     def sent(self, task: Task) -> Callable[[], Any]:
         """What the executor runs for a task."""
+        raise NotImplementedError
 
     def result(self, task: Task, done: Future[Any]) -> tuple[Any, str]:
         """What the task gave, and the machine, empty where it is this one; raises what it failed of."""
+        return done.result(), ""
 
     def look(self, unfinished: int) -> None:
         """Called every moment: pass on what running tasks tell; raises where nothing can go on."""
+        with suppress(queue.Empty):
+            while True:
+                self.update(*self.messages.get_nowait())
 
 
 class JobFailedError(RuntimeError):
@@ -189,9 +199,10 @@ def run_in(place: Place, tasks: Sequence[Task], keep_going: bool) -> Iterator[Ou
         place.look(unfinished)
         outcomes = [_outcome(place, running.pop(future), future) for future in done]
         for outcome in outcomes:  # a failure comes first, and nothing is begun behind it
-            if outcome.error is not None and not keep_going:
-                raise outcome.error
-        failed += [outcome.label for outcome in outcomes if outcome.error is not None]
+            if outcome.error is not None:
+                if not keep_going:
+                    raise outcome.error
+                failed.append(outcome.label)
         for outcome in outcomes:
             unfinished -= 1
             order.done(outcome.label)

@@ -155,7 +155,6 @@ class Upkeep(Adaptive):  # type: ignore[misc]
                 self.why = self._said(job)
 
     def _arrived(self, job: str) -> bool:
-        """Whether a worker of the job is known."""
         return any(str(seen) == job or str(seen).startswith(f"{job}-") for seen in self.observed)
 
     def _said(self, job: Any) -> str:

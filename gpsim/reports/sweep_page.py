@@ -31,7 +31,7 @@ MOST_ROWS = 2000  # points in the page: the CSV has all
 
 
 def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
-    """The page; table: a row a point, as stages/grid.py makes it. Equal tables give equal pages."""
+    """The page; table: a row a point, as stages/full_loop.py makes it. Equal tables give equal pages."""
     shown, over = main_figures(swept, table), _axis(swept, table)
     figure = None if over is None else _picture(over, shown, table)
     return page_of(

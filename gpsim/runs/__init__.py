@@ -1,7 +1,16 @@
 """What is in runs/: every artifact, what rests on what, how two differ, and what may go."""
 
 from gpsim.runs.catalogue import Catalogue, Entry, entry_at, read_catalogue, size_of
-from gpsim.runs.comparison import ABSENT, Difference, Making, compared, figures_of, nearest
+from gpsim.runs.comparison import (
+    ABSENT,
+    Difference,
+    Making,
+    asked_of,
+    compared,
+    figures_of,
+    made_from,
+    nearest,
+)
 from gpsim.runs.lineage import (
     Removal,
     children,
@@ -16,33 +25,8 @@ from gpsim.runs.lineage import (
 from gpsim.runs.told import Beside, Compared, Listed, Listing, LoopStatus, Parent, Removed, Shown, Standing
 
 __all__ = [
-    "ABSENT",
-    "Beside",
-    "Catalogue",
-    "Compared",
-    "Difference",
-    "Entry",
-    "Listed",
-    "Listing",
-    "LoopStatus",
-    "Making",
-    "Parent",
-    "Removal",
-    "Removed",
-    "Shown",
-    "Standing",
-    "children",
-    "collect_garbage",
-    "compared",
-    "dependents",
-    "entry_at",
-    "figures_of",
-    "garbage",
-    "named",
-    "nearest",
-    "parents",
-    "read_catalogue",
-    "removal_of",
-    "remove",
-    "size_of",
-]
+    "ABSENT", "Beside", "Catalogue", "Compared", "Difference", "Entry", "Listed", "Listing", "LoopStatus",
+    "Making", "Parent", "Removal", "Removed", "Shown", "Standing", "asked_of", "children", "collect_garbage",
+    "compared", "dependents", "entry_at", "figures_of", "garbage", "made_from", "named", "nearest", "parents",
+    "read_catalogue", "removal_of", "remove", "size_of",
+]  # fmt: skip

@@ -9,17 +9,8 @@ from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 
-from gpsim.artifacts import (
-    MANIFEST,
-    SCHEMA,
-    VERSION,
-    Artifact,
-    Leftover,
-    leftovers,
-    read_artifact,
-    read_manifest,
-    read_timings,
-)
+from gpsim import artifacts
+from gpsim.artifacts import MANIFEST, SCHEMA, VERSION, Artifact, Leftover, read_manifest
 from gpsim.errors import UsageError
 from gpsim.files import MOST_JSON, Json, files_below, regular_bytes, unreadable
 
@@ -93,9 +84,7 @@ class Entry:
         given = config.get("recording")
         if isinstance(given, dict) and given:  # a recording that was given by its folder: known by its files
             found.append(Need("recording", files={str(name): str(digest) for name, digest in given.items()}))
-        for one in (
-            config.get("recordings") or ()
-        ):  # several that were judged together; a fleet names diagnoses
+        for one in config.get("recordings") or ():  # judged together; a fleet names diagnoses
             if isinstance(one, dict) and isinstance(one.get("files"), dict):
                 found.append(Need(f"recording {one.get('name')}", files=one["files"]))
         return tuple(found)
@@ -157,7 +146,7 @@ def read_catalogue(root: Path, beside: Iterable[Path] = (), verify: bool = False
             if _is_artifact(path):
                 entries.append(entry_at(path, root, verify))
                 ahead.append(entries[-1])
-    left = [leftover for shelf in shelves for leftover in leftovers(shelf)]
+    left = [leftover for shelf in shelves for leftover in artifacts.leftovers(shelf)]
     entries.sort(key=lambda e: (e.experiment or "~", e.stage, e.age_key, e.name))
     return Catalogue(root, tuple(entries), tuple(left))
 
@@ -172,7 +161,7 @@ def entry_at(path: Path, root: Path, verify: bool = False) -> Entry:
         lost = [name for name in artifact.manifest["files"] if not (path / name).is_file()]
         damage = f"{path / lost[0]}: missing" if lost else None
         if verify:
-            read_artifact(path)
+            artifacts.read_artifact(path)
     except UsageError as error:
         damage = str(error)
     return Entry(
@@ -184,7 +173,7 @@ def entry_at(path: Path, root: Path, verify: bool = False) -> Entry:
         bytes=size_of(path),
         artifact=artifact,
         damage=damage,
-        timings=read_timings(path),
+        timings=artifacts.read_timings(path),
     )
 
 
@@ -228,11 +217,11 @@ def _artifacts_below(
 def _seen(folder: Path, seen: set[tuple[int, int]]) -> bool:
     """Whether a folder was met already, under whichever name; notes it."""
     try:
-        facts = folder.stat()
+        place = (folder.stat().st_dev, folder.stat().st_ino)
     except OSError as error:
         raise unreadable(folder, error) from error
-    known = (facts.st_dev, facts.st_ino) in seen
-    seen.add((facts.st_dev, facts.st_ino))
+    known = place in seen
+    seen.add(place)
     return known
 
 

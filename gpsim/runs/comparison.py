@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, read_json
+from gpsim.files import canonical, read_json
 from gpsim.runs.catalogue import Catalogue, Entry
 from gpsim.runs.lineage import parents
 
@@ -65,7 +65,6 @@ def _diagnosis(path: Path) -> Figures:
 
 
 def _last_row(path: Path) -> Figures:
-    """The last row of a learning curve."""
     *_, last = csv.DictReader(path.read_text(encoding="utf-8").splitlines())
     return {name: float(last[name]) for name in ("steps", "mean_return")}
 
@@ -122,56 +121,41 @@ class Difference:
     new: Any
 
 
-@dataclass(frozen=True)
-class Making:
-    """What an artifact is made from, as its manifest has it; parents: role to digest."""
+Making = Mapping[str, Mapping[str, Any]]
+"""What an artifact is made from, by the kinds of differences; parents by their digests, "" for one not made yet."""
 
-    stage: str
-    config: Json
-    seeds: Json
-    parents: Mapping[str, str]
-    format: int
-    code: str
 
-    @classmethod
-    def of(cls, artifact: Artifact) -> Making:
-        """What a finished artifact was made from."""
-        manifest = artifact.manifest
-        return cls(
-            artifact.stage,
-            manifest.get("config") or {},
-            manifest.get("seeds") or {},
-            {role: parent.get("sha256", "") for role, parent in (manifest.get("parents") or {}).items()},
-            manifest.get("format", 1),
-            manifest.get("code", ""),
-        )
+def made_from(artifact: Artifact) -> Making:
+    """What a finished artifact was made from."""
+    m = artifact.manifest
+    return {
+        "stage": {"stage": artifact.stage},
+        "setting": m.get("config") or {},
+        "seed": m.get("seeds") or {},
+        "parent": {role: parent.get("sha256", "") for role, parent in (m.get("parents") or {}).items()},
+        "code": {"format": m.get("format", 1), "code": m.get("code", "")},
+    }
 
-    @classmethod
-    def asked(cls, recipe: Recipe) -> Making:
-        """What an artifact is to be made from."""
-        return cls(
-            recipe.stage,
-            json.loads(canonical(recipe.config)),
-            json.loads(canonical(recipe.seeds)),
-            {role: parent.digest for role, parent in recipe.parents.items()},
-            recipe.format,
-            recipe.code,
-        )
+
+def asked_of(recipe: Recipe) -> Making:
+    """What an artifact is to be made from."""
+    return {
+        "stage": {"stage": recipe.stage},
+        "setting": json.loads(canonical(recipe.config)),
+        "seed": json.loads(canonical(recipe.seeds)),
+        "parent": {role: parent.digest for role, parent in recipe.parents.items()},
+        "code": {"format": recipe.format, "code": recipe.code},
+    }
+
+
+KINDS: tuple[Kind, ...] = ("stage", "setting", "file", "seed", "parent", "code")
+"""Of differences in what two artifacts are made from, in their order."""
 
 
 def differences(old: Making, new: Making) -> tuple[Difference, ...]:
-    """Every key in which two recipes differ: none, and their artifacts are the same.
-
-    Parents are given by their digests, "" for one that is not made yet.
-    """
-    settings = list(_keys("setting", old.config, new.config))
-    return (
-        *_keys("stage", {"stage": old.stage}, {"stage": new.stage}),
-        *(d for kind in ("setting", "file") for d in settings if d.kind == kind),
-        *_keys("seed", old.seeds, new.seeds),
-        *_keys("parent", old.parents, new.parents),
-        *_keys("code", {"format": old.format, "code": old.code}, {"format": new.format, "code": new.code}),
-    )
+    """Every key in which two recipes differ: none, and their artifacts are the same."""
+    found = [d for kind in KINDS if kind in old for d in _keys(kind, old[kind], new[kind])]
+    return tuple(sorted(found, key=lambda d: KINDS.index(d.kind)))
 
 
 def nearest(
@@ -200,7 +184,7 @@ def compared(catalogue: Catalogue, one: Entry, other: Entry) -> tuple[Difference
             replace(d, old=where[0].get(d.key, ABSENT), new=where[1].get(d.key, ABSENT))
             if d.kind == "parent"
             else d
-            for d in differences(Making.of(one.artifact), Making.of(other.artifact))
+            for d in differences(made_from(one.artifact), made_from(other.artifact))
         ),
         *_keys("code", {"commit": old.get("git_commit")}, {"commit": new.get("git_commit")}),
         *_keys("package", old.get("packages") or {}, new.get("packages") or {}),

@@ -114,7 +114,6 @@ def _same(one: Path, other: Path) -> bool:
 
 
 def _listed(entries: Sequence[Entry]) -> str:
-    """The names of the first few, and how many more there are."""
     more = f" and {len(entries) - SHOWN} more" if len(entries) > SHOWN else ""
     return ", ".join(entry.name for entry in entries[:SHOWN]) + more
 

@@ -15,7 +15,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, read_object, write_json
 from gpsim.recordings import LONGEST_STEP, OverGaps, Recording, read_recording
 from gpsim.residuals import Residuals, build_residuals, check_clock, check_match, from_table, to_table
-from gpsim.settings import number
+from gpsim.settings import share
 from gpsim.simulators import SimulatorPlant
 from gpsim.stages import collect
 from gpsim.stages.building import base_plant
@@ -28,29 +28,25 @@ SAME_DT = 0.02  # relative difference of the control step that a jittering clock
 def recipe(request: Request) -> Recipe:
     """The base simulator and the recording: the loop's own, or the folder that `recording=` names."""
     check(request)
-    config = request.section("simulator", "residuals")
+    config, parents = request.section("simulator", "residuals"), {}
     given = request.config["recording"]
-    if given is None:
-        return Recipe(
-            "build-residuals", config, {"recording": collect.STAGE.need(request)}, {"seed": request.seed}
-        )
     folder = Path(str(given))
-    if not folder.is_dir():
+    if given is None:
+        parents["recording"] = collect.STAGE.need(request)
+    elif not folder.is_dir():
         raise UsageError(
             f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes"
         )
-    if (folder / MANIFEST).is_file():
-        return Recipe("build-residuals", config, {"recording": read_artifact(folder)}, {"seed": request.seed})
-    digests = {path.name: file_digest(path) for path in sorted(folder.glob("recording.*"))}
-    return Recipe("build-residuals", {**config, "recording": digests}, {}, {"seed": request.seed})
+    elif (folder / MANIFEST).is_file():
+        parents["recording"] = read_artifact(folder)
+    else:
+        config["recording"] = {path.name: file_digest(path) for path in sorted(folder.glob("recording.*"))}
+    return Recipe("build-residuals", config, parents, {"seed": request.seed})
 
 
 def check(request: Request) -> float:
     """The share of the episodes that is held out; raises UsageError for one that is none."""
-    fraction = request.config["residuals"]["test_fraction"]
-    if not 0 <= number(fraction, "residuals.test_fraction") < 1:
-        raise UsageError(f"residuals.test_fraction: expected a number in [0, 1), got {fraction!r}")
-    return float(fraction)
+    return share(request.config["residuals"]["test_fraction"], "residuals.test_fraction")
 
 
 def recording_folder(request: Request) -> Path:
@@ -65,19 +61,19 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     recording, base = read_recording(source), base_plant(request.config)
     check_clock(recording)  # first: a wrong dt would be taken for another simulator's
     check_same(recording, base)
-    residuals = build_residuals(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=check(request),
-        rng=generator(request.seed, "build-residuals/order"),
-    )
+    residuals = subtracted(request, recording, base)
     to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)
     if residuals.over_gaps is not None:
         residuals.over_gaps.to_table(base.action).to_parquet(folder / OVER_GAPS, index=False)
     write_json(folder / "residuals.json", _summary(residuals, recording.transition_count))
     return {}
+
+
+def subtracted(request: Request, recording: Recording, base: SimulatorPlant) -> Residuals:
+    """What happened minus what the base predicts, as much held out as the settings say."""
+    rng = generator(request.seed, "build-residuals/order")
+    model = (base.simulator, base.parameters, base.integrator)
+    return build_residuals(recording, *model, test_fraction=check(request), rng=rng)
 
 
 def check_same(recording: Recording, base: SimulatorPlant) -> None:
@@ -117,19 +113,25 @@ def read_residuals(artifact: Artifact) -> Residuals:
 
 def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
     """residuals.json; recorded: how many transitions the recording has."""
-    train, test = residuals.values[~residuals.test], residuals.values[residuals.test]
+    train = ~residuals.test
+    # Column by column: all at once, the last digits are others.
+    spread, measured = (
+        {name: float(values[train, i].std()) for i, name in enumerate(residuals.rate.names)}
+        for values in (residuals.values, residuals.measured)
+    )
     wraps = [channel.name for channel in residuals.channels if channel.wraps]
     left_out = recorded - len(residuals.t)
     return {
         "channels": residuals.channels.units,
         **({"wraps": wraps} if wraps else {}),
         "rates": residuals.rate.units,
-        "rows": {"training": len(train), "test": len(test), **({"over_a_gap": left_out} if left_out else {})},
-        "residual_std": {name: float(train[:, i].std()) for i, name in enumerate(residuals.rate.names)},
-        "measured_std": {
-            name: float(residuals.measured[~residuals.test, i].std())
-            for i, name in enumerate(residuals.rate.names)
+        "rows": {
+            "training": int(train.sum()),
+            "test": int(residuals.test.sum()),
+            **({"over_a_gap": left_out} if left_out else {}),
         },
+        "residual_std": spread,
+        "measured_std": measured,
     }
 
 
@@ -137,20 +139,13 @@ def notes(artifact: Artifact) -> list[str]:
     """How much is left, rate by rate."""
     meta = read_object(artifact.path / "residuals.json")
     rows = meta["rows"]
-    lost = rows.get("over_a_gap", 0)
-    left_out = (
-        f"; {lost} over {LONGEST_STEP:g} control steps left out: rows are missing there" if lost else ""
-    )
-    return [f"{rows['training']} training and {rows['test']} test transitions{left_out}"] + [
+    lines = [f"{rows['training']} training and {rows['test']} test transitions"]
+    if lost := rows.get("over_a_gap", 0):
+        lines[0] += f"; {lost} over {LONGEST_STEP:g} control steps left out: rows are missing there"
+    return lines + [
         f"{name}: residual {meta['residual_std'][name]:.3g} {unit}, measured {meta['measured_std'][name]:.3g} (std)"
         for name, unit in meta["rates"].items()
     ]
 
 
-STAGE = Stage(
-    "build-residuals",
-    recipe,
-    write,
-    notes,
-    format=2,  # 2: what was commanded over gaps is kept
-)
+STAGE = Stage("build-residuals", recipe, write, notes, format=2)

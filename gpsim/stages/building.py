@@ -22,7 +22,7 @@ from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.recordings import Episode, Recording
 from gpsim.residuals import Residuals, build_residuals
-from gpsim.settings import build, choice, number, positive, texts, truth, whole
+from gpsim.settings import build, choice, number, positive, share, texts, truth, whole
 from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
 from gpsim.stages.stage import Request
 from gpsim.targets import ChangedModel, FrictionCartPole, Limo
@@ -56,9 +56,8 @@ def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
         raise UsageError(
             f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions"
         )
-    if not isinstance(spread, int | float) or not 0 <= spread < 1:
-        raise UsageError(f"randomise.spread: expected a number in [0, 1), got {spread!r}")
-    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread), of)  # type: ignore[arg-type]
+    spread = share(spread, "randomise.spread")
+    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, spread, of)  # type: ignore[arg-type]
 
 
 def drivable(config: Mapping[str, Any]) -> bool:
@@ -146,8 +145,7 @@ def _numbers(values: Any, where: str) -> dict[str, float]:
     if not isinstance(values, Mapping):
         raise UsageError(f"{where}: expected a mapping of numbers, got {values!r}")
     for key, value in values.items():
-        if not isinstance(value, int | float) or isinstance(value, bool):
-            raise UsageError(f"{where}.{key}: expected a number, got {value!r}")
+        number(value, f"{where}.{key}")
     return dict(values)
 
 
@@ -184,15 +182,8 @@ def recording_of(
 def residuals_of(base: SimulatorPlant, episodes: Sequence[Episode], rng: np.random.Generator) -> Residuals:
     """What the base misses of episodes that were driven, none of them held out; rng shuffles the rows."""
     recording = Recording(base.simulator.name, base.state, base.action, tuple(episodes), base.dt)
-    return build_residuals(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=0.0,
-        rng=rng,
-        learnt_from=False,
-    )
+    model = (base.simulator, base.parameters, base.integrator)
+    return build_residuals(recording, *model, test_fraction=0.0, rng=rng, learnt_from=False)
 
 
 def measured_on(request: Request) -> str | None:
@@ -240,9 +231,10 @@ def fit_settings(request: Request) -> FitSettings:
     """How the Gaussian processes are fitted, as configured."""
     section = request.config["gp"]
     rest = {key: value for key, value in section.items() if key not in GP_OF_THE_STAGE}
-    floor = rest.pop("noise_floor", Bounds().noise_std.low)
+    usual = Bounds().noise_std
+    floor = number(rest.pop("noise_floor", usual.low), "gp.noise_floor")
     try:
-        bounds = Bounds(noise_std=Interval(number(floor, "gp.noise_floor"), Bounds().noise_std.high))
+        bounds = Bounds(noise_std=Interval(floor, usual.high))
     except ValueError as error:
         raise UsageError(f"gp.noise_floor: {error}") from error
     return build(FitSettings, rest, "gp", bounds=bounds)

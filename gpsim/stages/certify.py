@@ -50,30 +50,30 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write certified.csv: one row a start."""
     task, start = make_task(request.config), evaluation_starts(request)
     target = target_plant(request.config)
+    more = {}
     if isinstance(task, GoalReaching):
-        solvable = _by_geometry(request, task, start, task.floor)
+        solved = _by_geometry(target, task, start, task.floor)
         # What the thesis's own arena would have left of them, had its edge counted.
-        small = {"certified_in_arena": _by_geometry(request, task, start, task.arena).astype(int)}
-        _write_table(folder, target.state.names, start, solvable, small)
-        return {}
-    if isinstance(task, GymTask):  # no search knows its robot: none of its starts is left out
-        _write_table(folder, target.state.names, start, np.ones(len(start.states), dtype=np.bool_), {})
-        return {}
-    if not isinstance(target, FrictionCartPole):
+        more["certified_in_arena"] = _by_geometry(target, task, start, task.arena).astype(int)
+    elif isinstance(task, GymTask):  # no search knows its robot: none of its starts is left out
+        solved = np.ones(len(start.states), dtype=np.bool_)
+    elif isinstance(target, FrictionCartPole):
+        # The target's own parameters: the search must not depend on what the simulator believes.
+        g, half = target.parameters["gravity"], target.parameters["pole_half_length"]
+        search = balance_search(g, half, positive(request.config["certify"]["width"], "certify.width"))
+        solved = search.solvable(target, task, start, request.progress)
+    else:
         raise UsageError(
             "certify: only a cart-pole's starts can be searched; choose target=friction or sticking"
         )
-    # The target's own parameters: the search must not depend on what the simulator believes.
-    g, half = target.parameters["gravity"], target.parameters["pole_half_length"]
-    search = balance_search(g, half, positive(request.config["certify"]["width"], "certify.width"))
-    solvable = search.solvable(target, task, start, request.progress)
-    _write_table(folder, target.state.names, start, solvable, {})
+    columns = {name: start.states[:, i] for i, name in enumerate(target.state.names)}
+    table = pd.DataFrame({**columns, "certified": solved.astype(int), **more})
+    table.to_csv(folder / "certified.csv", index=False, lineterminator="\n")
     return {}
 
 
-def _by_geometry(request: Request, task: GoalReaching, start: Start, floor: float) -> BoolArray:
+def _by_geometry(target: Plant, task: GoalReaching, start: Start, floor: float) -> BoolArray:
     """Paths of a car with the target's least turning radius, at the slowest speed that allows it throughout."""
-    target = target_plant(request.config)
     if not isinstance(target, Limo):
         raise UsageError("certify: only target=limo has a turning radius to search paths with")
     speed = min(task.speed[1], task.turn[1] * target.turning_radius)
@@ -81,22 +81,13 @@ def _by_geometry(request: Request, task: GoalReaching, start: Start, floor: floa
     return solvable(start.states, start.context, target.turning_radius, floor / 2.0, longest)
 
 
-def _write_table(
-    folder: Path, names: tuple[str, ...], start: Start, solvable: BoolArray, more: dict[str, Any]
-) -> None:
-    columns = {name: start.states[:, i] for i, name in enumerate(names)}
-    table = pd.DataFrame({**columns, "certified": solvable.astype(int), **more})
-    table.to_csv(folder / "certified.csv", index=False, lineterminator="\n")
-
-
 def notes(artifact: Artifact) -> list[str]:
     """How many."""
     table = pd.read_csv(artifact.path / "certified.csv")
     lines = [f"{int(table['certified'].sum())} of {len(table)} starts can be solved"]
     if "certified_in_arena" in table:
-        lines.append(
-            f"{int(table['certified_in_arena'].sum())} if the edge of the training arena ended an episode"
-        )
+        inside = int(table["certified_in_arena"].sum())
+        lines.append(f"{inside} if the edge of the training arena ended an episode")
     return lines
 
 
@@ -131,31 +122,28 @@ def drive_all(
         for name in names
     }
     away = behind(task, start).astype(int)
-    tables = [
-        pd.DataFrame(
-            {
-                "policy": name,
-                "start": np.arange(len(trip.steps)),
-                "behind": away,
-                "reached": trip.reached.astype(int),
-                "steps": trip.steps.astype(int),
-                "path": trip.path,
-                "return": trip.returns,
-            }
-        )
+    columns = [
+        {
+            "policy": name,
+            "start": np.arange(len(trip.steps)),
+            "behind": away,
+            "reached": trip.reached.astype(int),
+            "steps": trip.steps.astype(int),
+            "path": trip.path,
+            "return": trip.returns,
+        }
         for name, trip in trips.items()
     ]
-    pd.concat(tables, ignore_index=True).to_csv(folder / TRIPS, index=False, lineterminator="\n")
+    table = pd.concat([pd.DataFrame(each) for each in columns], ignore_index=True)
+    table.to_csv(folder / TRIPS, index=False, lineterminator="\n")
     nearest = int(np.argmin(np.hypot(start.states[:, 0], start.states[:, 1])))  # the place in the middle
     first = nearest - nearest % task.evaluation_headings
     rows = np.arange(first, min(first + task.evaluation_headings, len(start.states)))  # one a heading
     shown = Start(start.states[rows], start.context[rows])
     paths: dict[str, FloatArray] = {"goal": shown.context}
     for name in names:
-        paths[f"target/{name}"] = trips[name].paths[rows][:, :, :3]
-        paths[f"simulator/{name}"] = take_trips(
-            simulators[name], endless, acts[name], shown, generator(seed, "evaluate/paths")
-        ).paths
+        there = take_trips(simulators[name], endless, acts[name], shown, generator(seed, "evaluate/paths"))
+        paths[f"target/{name}"], paths[f"simulator/{name}"] = trips[name].paths[rows][:, :, :3], there.paths
     write_arrays(folder / PATHS, paths)
     return trips
 
@@ -178,6 +166,12 @@ def what_is_open(request: Request, recipe: Recipe) -> PosteriorPlant:
     return posterior_plant(request.having(correction="effects+gp"), recipe.parents["diagnosis"])
 
 
+def returns_of(request: Request, plant: Plant, policy: Artifact, start: Start, purpose: str) -> FloatArray:
+    """(N,) what a policy earns on its target or a stand-in; who is compared has one purpose, so one noise."""
+    act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
+    return episode_returns(plant, task, act, start, generator(request.start_seed, purpose))
+
+
 def robustness(
     request: Request, recipe: Recipe, on_target: Mapping[str, FloatArray]
 ) -> dict[str, dict[str, dict[str, Any]]]:
@@ -185,17 +179,13 @@ def robustness(
 
     on_target: policy to returns (N,). Every start has a draw of its own, the same for every policy.
     """
-    task, start = make_task(request.config).on_target(), evaluation_starts(request)
-    drawn = what_is_open(request, recipe)
-
-    def returns(name: str) -> FloatArray:
-        act = policy_actor(read_policy(recipe.parents[name].path))
-        return episode_returns(drawn, task, act, start, generator(request.start_seed, "evaluate/posterior"))
-
-    both = {"target": on_target, "posterior": {name: returns(name) for name in on_target}}
-    return {
-        "robustness": {
-            where: {name: mean_and_worst(values) for name, values in found.items()}
-            for where, found in both.items()
-        }
+    drawn, start = what_is_open(request, recipe), evaluation_starts(request)
+    earned = {
+        name: returns_of(request, drawn, recipe.parents[name], start, "evaluate/posterior")
+        for name in on_target
     }
+    both = {"target": on_target, "posterior": earned}
+    told = {
+        where: {n: mean_and_worst(values) for n, values in found.items()} for where, found in both.items()
+    }
+    return {"robustness": told}

@@ -10,42 +10,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from gpsim import environments
 from gpsim.artifacts import Recipe
 from gpsim.channels import FloatArray
 from gpsim.corrected import CorrectedPlant, Features, GpCorrection
-from gpsim.environments import (
-    Act,
-    ActiveSettings,
-    Model,
-    Sweep,
-    as_sensed,
-    collect_actively,
-    collect_episodes,
-    dithered_actor,
-    drive_plan,
-    first_of,
-    policy_actor,
-    random_actor,
-)
+from gpsim.environments import Act, ActiveSettings, Model
 from gpsim.errors import UsageError
 from gpsim.files import Json, written_whole
 from gpsim.gp import Predictor, fit_outputs
 from gpsim.recordings import ChannelSource, Episode, parse_mapping, write_recording
 from gpsim.recordings.export import Topics, write_ros1_bag, write_ros2_bag
-from gpsim.settings import build, choice, number, positive
-from gpsim.stages import building, train_source
+from gpsim.settings import build, choice, number, positive, share
+from gpsim.stages import building, import_log, train_source
 from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
-from gpsim.stages.import_log import (
-    changes_of,
-    logs_of,
-    read_configured,
-    read_logs,
-    read_mapping,
-    resolved_mapping,
-    salvages,
-    source_digests,
-    write_import,
-)
+from gpsim.stages.import_log import changes_of, read_mapping, salvages
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.targets import Limo
@@ -61,11 +39,6 @@ def active(request: Request) -> bool:
     return said is not None and choice(said, (ACTIVE,), "strategy") == ACTIVE
 
 
-def active_settings(request: Request) -> ActiveSettings:
-    """How it is driven."""
-    return build(ActiveSettings, request.config["active"], "active")
-
-
 def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episode]) -> Model:
     """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
     base = base_plant(request.config)
@@ -75,13 +48,9 @@ def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episo
     # A fit on the way says where to drive next; the one that counts is fit-gp's.
     most = min(fit.max_iterations, ON_THE_WAY)
     quick = replace(fit, restarts=min(fit.restarts, 1), max_iterations=most)
+    rng = generator(request.seed, "collect/active/fit")
     try:
-        gps = fit_outputs(
-            features(residuals.inputs[rows]),
-            residuals.values[rows],
-            quick,
-            generator(request.seed, "collect/active/fit"),
-        )
+        gps = fit_outputs(features(residuals.inputs[rows]), residuals.values[rows], quick, rng)
     except ValueError as error:
         raise UsageError(f"strategy=active: no Gaussian process fits what was recorded ({error})") from error
     predictor = Predictor(gps)
@@ -103,7 +72,7 @@ def recipe(request: Request) -> Recipe:
             "mapping": read_mapping(mapping) if mapping is not None else None,
             "salvage": salvages(section),
             "changes": changes,
-            "sources": source_digests(_sources(request), mapping, changes),
+            "sources": import_log.source_digests(_sources(request), mapping, changes),
         }
         return Recipe("collect", {"import": read}, {}, {})
     check(request)
@@ -145,10 +114,9 @@ def check(request: Request) -> None:
         positive(section["transitions"], "collect.transitions")
     if not number(section["noise"], "collect.noise") >= 0:
         raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
-    if not 0 <= number(section["missing"], "collect.missing") < 1:
-        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
+    share(section["missing"], "collect.missing")
     if active(request):
-        active_settings(request)
+        build(ActiveSettings, request.config["active"], "active")
         building.check_gp(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
         _commands(request.config), _car_and_topics(request.config)
@@ -161,16 +129,16 @@ def check(request: Request) -> None:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Run the episodes, or read the logs, and write a Recording."""
     if request.config["collect"]["source"] is not None:
-        recording, report, _ = read_configured(request.config["collect"], _sources(request))
-        write_import(recording, report, folder)
+        recording, report, _ = import_log.read_configured(request.config["collect"], _sources(request))
+        import_log.write_import(recording, report, folder)
         return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
     if section["policy"] == "sweep" and not active(request):
         return run_sweep(request, folder)
     base, driver = base_plant(request.config), ACTIVE if active(request) else section["policy"]
     episodes = _driven(request, recipe)
-    sensed, noise = as_sensed(
-        first_of(episodes, section["transitions"]),
+    sensed, noise = environments.as_sensed(
+        environments.first_of(episodes, section["transitions"]),
         base.state,
         float(section["noise"]),
         float(section["missing"]),
@@ -182,10 +150,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 
 def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
-    """The episodes, as they truly were."""
     if active(request):  # to where the Gaussian processes of `gp` are least sure
-        settings = active_settings(request)
-        return collect_actively(
+        settings = build(ActiveSettings, request.config["active"], "active")
+        return environments.collect_actively(
             target_plant(request.config),
             make_task(request.config).on_target(),
             lambda episodes: _fitted(request, settings, episodes),
@@ -194,7 +161,7 @@ def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
             request.progress,
         )
     section = request.config["collect"]
-    return collect_episodes(
+    return environments.collect_episodes(
         target_plant(request.config),
         make_task(request.config).on_target(),
         _driver(request, recipe, section),
@@ -204,7 +171,7 @@ def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
 
 
 def _sources(request: Request) -> list[Path]:
-    return logs_of(request.config["collect"]["source"], "collect.source")
+    return import_log.logs_of(request.config["collect"]["source"], "collect.source")
 
 
 def _mapping(request: Request) -> str | None:
@@ -215,12 +182,12 @@ def _mapping(request: Request) -> str | None:
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     task, rng = make_task(request.config), generator(request.seed, "collect/driver")
     if section["policy"] == "random":
-        return random_actor(task, rng)
+        return environments.random_actor(task, rng)
     # The policy's own distribution, not its most probable action: exploration is what a recording is for.
-    actor = policy_actor(read_policy(recipe.parents["policy"].path), rng)
+    actor = environments.policy_actor(read_policy(recipe.parents["policy"].path), rng)
     if section["policy"] == "source":
         return actor
-    return dithered_actor(actor, task, float(section["dither"]), rng)
+    return environments.dithered_actor(actor, task, float(section["dither"]), rng)
 
 
 def plan_table(config: Mapping[str, Any]) -> pd.DataFrame:
@@ -247,14 +214,16 @@ def run_sweep(request: Request, folder: Path) -> Json:
     """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
     task, commands = _commands(request.config)
     target, topics = _car_and_topics(request.config)
-    log, returns = drive_plan(target, commands, task.floor, generator(request.seed, "collect/episodes"))
+    log, returns = environments.drive_plan(
+        target, commands, task.floor, generator(request.seed, "collect/episodes")
+    )
     plan_table(request.config).to_csv(folder / PLAN, index=False, lineterminator="\n")
     (folder / ROS1_BAG).parent.mkdir()
     write_ros1_bag(folder / ROS1_BAG, log, topics)
     write_ros2_bag(folder / ROS2_BAG, log, topics)
     changes = changes_of(request.config["collect"])
-    recording, report, _ = read_logs([folder / ROS1_BAG], sweep_mapping(request.config), changes)
-    write_import(recording, report, folder)
+    recording, report, _ = import_log.read_logs([folder / ROS1_BAG], sweep_mapping(request.config), changes)
+    import_log.write_import(recording, report, folder)
     return {"transitions": recording.transition_count, "put_back": returns}
 
 
@@ -277,7 +246,9 @@ def _commands(config: Mapping[str, Any]) -> tuple[GoalReaching, FloatArray]:
         )
     if "speeds" not in section:
         raise UsageError("collect: no sweep is configured; choose experiment=limo")
-    sweep = Sweep(*(positive(section[key], f"collect.{key}") for key in ("speeds", "turns", "hold")))
+    sweep = environments.Sweep(
+        *(positive(section[key], f"collect.{key}") for key in ("speeds", "turns", "hold"))
+    )
     low, high = np.array([task.speed, task.turn], dtype=np.float64).T
     return task, sweep.commands(low, high)
 
@@ -290,7 +261,7 @@ def _car_and_topics(config: Mapping[str, Any]) -> tuple[Limo, Topics]:
             "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
         )
     name = sweep_mapping(config)
-    plan = parse_mapping(resolved_mapping(name, changes_of(config["collect"])), f"mapping {name}")
+    plan = parse_mapping(import_log.resolved_mapping(name, changes_of(config["collect"])), f"mapping {name}")
     command = _one_topic(name, plan.action, base.action.names)
     return target, Topics(command=command, pose=_one_topic(name, plan.state, base.state.names))
 

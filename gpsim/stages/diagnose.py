@@ -59,6 +59,11 @@ class Task:
         return cls(next(iter(recordings.values())), simulator, episodes, together=several, effects=effects)
 
     @property
+    def folder(self) -> Path:
+        """Where the recording's files lie."""
+        return self.recording if self.recording.is_dir() else self.recording.parent
+
+    @property
     def parts(self) -> dict[str, Task]:
         """Of several recordings that are judged together each by itself; none of one."""
         return {name: replace(self, recording=path, together=()) for name, path in self.together}
@@ -121,11 +126,8 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
             "diagnose the recording again, or bring that file back"
         )
     bring(again(content.get("effects", {}), str(folder)))
-    return plant_of(
-        content,
-        simulator or open_simulator(name),
-        (lambda channels: read_gp(artifact.path, channels)) if gp else None,
-    )
+    process = (lambda channels: read_gp(artifact.path, channels)) if gp else None
+    return plant_of(content, simulator or open_simulator(name), process)
 
 
 def open_recording(task: Task) -> tuple[Recording, Simulator]:
@@ -140,13 +142,12 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
                     "recordings are judged together against one; name it with --simulator, or judge each with --each"
                 )
         return joined([recording for recording, _ in opened.values()], list(opened)), simulator
-    path = task.recording
+    path, folder = task.recording, task.folder
     if not path.exists():
         raise UsageError(
             f"{path}: no such recording{near_path(path)}; give a folder as `gpsim import` makes, "
             "or a CSV with --simulator"
         )
-    folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
         recording = read_recording(folder)
         simulator = open_simulator(simulator_name(task.simulator, recording, folder))
@@ -159,62 +160,51 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 
 
-def _held_apart(recording: Recording, task: Task) -> Recording:
-    """With as much held out as where the diagnosis is compared with others, if that is something."""
-    apart = bool(task.test_fraction) and task.episodes is None
-    return holding_out(recording, task.test_fraction or 0.0) if apart else recording
-
-
 def _first(recording: Recording, episodes: int | None) -> Recording:
     """The first episodes; what is held out of them is decided anew."""
     if episodes is None:
         return recording
-    if (
-        isinstance(episodes, bool)
-        or not isinstance(episodes, int)
-        or not 0 < episodes <= len(recording.episodes)
-    ):
+    most = len(recording.episodes)
+    if isinstance(episodes, bool) or not isinstance(episodes, int) or not 0 < episodes <= most:
         raise UsageError(
-            f"diagnose.episodes: expected 1 to {len(recording.episodes)}, which the recording has, got {episodes!r}"
+            f"diagnose.episodes: expected 1 to {most}, which the recording has, got {episodes!r}"
         )
     return replace(recording, episodes=recording.episodes[:episodes], held_out=None)
 
 
+def _apart(recording: Recording, task: Task) -> Recording:
+    """With as much held out as where the diagnosis is compared with others, if that is something."""
+    share = task.test_fraction if task.episodes is None else None
+    return holding_out(recording, share) if share else recording
+
+
 def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
-    apart = _held_apart(recording, task)
-    folder = task.recording if task.recording.is_dir() else task.recording.parent
-    name = simulator_name(task.simulator, recording, folder)
-    recorded: Json = {"recording": digests_of(task, folder)}
+    apart, name = _apart(recording, task), simulator_name(task.simulator, recording, task.folder)
+    config: Json = {"recording": digests_of(task)}
     if task.together:
-        parts = [(name, part, part.recording) for name, part in task.parts.items()]
-        recorded = {
-            RECORDINGS: [
-                {"name": name, "files": digests_of(part, path if path.is_dir() else path.parent)}
-                for name, part, path in parts
-            ]
-        }
-    config: Json = {
-        **recorded,
+        parts = [{"name": name, "files": digests_of(part)} for name, part in task.parts.items()]
+        config = {RECORDINGS: parts}
+    config |= {
         "simulator": name,
         "simulator_file": files_digest(name),
         "episodes": task.episodes,
         "settings": settings_of(request),
     }
-    own = task.brought()
     if known := _known(request):
         config["known"] = known.as_mapping()
-    if own:
+    if own := task.brought():
         config["effects"] = origins(own)
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
-def digests_of(task: Task, folder: Path) -> dict[str, str]:
-    """The digest of every file of a task's recording, which lies in `folder`."""
+def digests_of(task: Task) -> dict[str, str]:
+    """The digest of every file of a task's recording."""
     names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
-    return {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
+    paths = {name: task.folder / name for name in names}
+    return {name: file_digest(path) for name, path in paths.items() if path.is_file()}
 
 
 def settings_of(request: Request) -> Json:
@@ -233,14 +223,13 @@ BESIDE = ("episodes", "known", "families")
 
 
 def _known(request: Request) -> Known:
-    """What the user knows."""
     given = request.config["diagnose"]
     return read_known(given.get("known"), given.get("families"))
 
 
 def _write(request: Request, folder: Path, task: Task) -> Json:
     recording, simulator = open_recording(task)
-    recording = _held_apart(recording, task)
+    recording = _apart(recording, task)
     known = _known(request)
     known = replace(known, also=(*known.also, *task.brought()))
     question = Question(read_thresholds(request), known, request.seed, request.cores, request.progress)

@@ -73,9 +73,8 @@ def _score_recipe(request: Request, diagnosis: Path, recording: Path, simulator:
     found = read_artifact(diagnosis, "diagnose")
     task = _task(found, recording, simulator)
     diagnose.open_recording(task)  # what cannot be read is said before anything is made
-    folder = recording if recording.is_dir() else recording.parent
     config: Json = {
-        "recording": diagnose.digests_of(task, folder),
+        "recording": diagnose.digests_of(task),
         "simulator": task.simulator,
         "settings": diagnose.settings_of(request),
     }

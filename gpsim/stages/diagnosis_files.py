@@ -56,20 +56,22 @@ def where_effects_go(plant: EffectsPlant, effects: Iterable[NamedEffect]) -> lis
 
 
 def sentences(effects: Iterable[NamedEffect]) -> dict[tuple[str, str], str]:
-    """Of each effect, by family and place, its numbers and their intervals."""
-    return {(effect.family, effect.place): said_of(effect) for effect in effects}
+    """Of each effect, by family and place, its numbers and their intervals, for a comment."""
+    said = {}
+    for effect in effects:
+        numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
+        said[effect.family, effect.place] = f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
+    return said
 
 
 def moved_sentences(found: Kinematics | None) -> dict[Place, str]:
     """Of each number of the robot's geometry that is off its size and interval, for a comment."""
-    told = [f for f in found.found if f.model] if found is not None else []
-    return {
-        Place(f.place.kind, f.place.on, f.place.axis, f.size.unit): (
-            f"{place_name(f.place)} is off by {_estimate(f.size)}"
-        )
-        for f in told
-        if f.place.kind != "delay"
-    }
+    said = {}
+    for f in found.found if found is not None else ():
+        if f.model and f.place.kind != "delay":
+            place = Place(f.place.kind, f.place.on, f.place.axis, f.size.unit)
+            said[place] = f"{place_name(f.place)} is off by {_estimate(f.size)}"
+    return said
 
 
 def went(effect: Mapping[str, Any]) -> str:
@@ -81,14 +83,7 @@ def went(effect: Mapping[str, Any]) -> str:
     return f"{effect['said']} -> {'left out' if effect['where'] == 'left out' else there}{reason}"
 
 
-def said_of(effect: NamedEffect) -> str:
-    """An effect with its numbers and their intervals, for a comment."""
-    numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
-    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
-
-
 def _estimate(estimate: Estimate) -> str:
-    """A value, its unit, and its 90 % interval."""
     value = f"{estimate.value:.{DIGITS}g} {estimate.unit}".removesuffix(" 1")
     if estimate.low is None or estimate.high is None:
         return value
@@ -142,9 +137,8 @@ def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator:
 
 def write_process(folder: Path, found: Outcome) -> None:
     """The Gaussian process on the remainder, where there is one."""
-    if found.comparison.corrected is not None:
-        learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features)
+    if (corrected := found.comparison.corrected) is not None:
+        write_gp(folder, corrected.learnt.predictor, corrected.learnt.features)
 
 
 def read_trace(folder: Path) -> list[Decision]:
@@ -168,17 +162,17 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
     shown: Traces | None = None
     past: Course | None = None
     answered: Response | None = None
-    with mishaps.contained("figure traces is left out"):
-        shown = traces(found.question, leader, horizon)
-    with mishaps.contained("figure residual_time is left out"):
-        past = course(found.question, leader)
-    with mishaps.contained("figure frequency_response is left out"):
-        answered = frequency(found.question, leader)
     pictures: dict[str, Picture] = {}
 
     def contained(name: str) -> AbstractContextManager[None]:
         return mishaps.contained(f"figure {name} is left out")
 
+    with contained("traces"):
+        shown = traces(found.question, leader, horizon)
+    with contained("residual_time"):
+        past = course(found.question, leader)
+    with contained("frequency_response"):
+        answered = frequency(found.question, leader)
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained, answered)
@@ -267,7 +261,6 @@ def plant_of(content: Json, simulator: Simulator, process: Process | None = None
 
 
 def _moved(content: Json) -> Moved:
-    """A number of corrected.json's `geometry`; raises UsageError."""
     try:
         return Moved(
             Place(**{k: content[k] for k in ("kind", "on", "axis", "unit")}), float(content["value"])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from gpsim import evaluation as layers
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, arrived_inputs
@@ -17,49 +18,21 @@ from gpsim.diagnosis.assessment import replayed
 from gpsim.diagnosis.data import rebased
 from gpsim.environments import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import (
-    WARM_UP,
-    AllTrips,
-    OneStep,
-    Trips,
-    behind,
-    compare,
-    coverage_warnings,
-    episode_returns,
-    outside_range,
-    replay,
-    robustness_lines,
-    roll_out,
-    start_sets,
-    success_by_set,
-    summarise_all,
-    windows_of,
-)
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals, either_wraps, holding_out
 from gpsim.settings import positive, truth
 from gpsim.simulators import Plant
-from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
+    build_residuals,
     building,
     certify,
     evaluate_deployed,
     fit_gp,
     safety,
     train_gp_policy,
-    train_source,
 )
-from gpsim.stages.building import (
-    base_plant,
-    drivable,
-    make_task,
-    measured_on,
-    randomised_plant,
-    residuals_of,
-    target_plant,
-)
-from gpsim.stages.certify import robustness, what_is_open
+from gpsim.stages.building import base_plant, drivable, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
@@ -100,11 +73,11 @@ def recipe(request: Request) -> Recipe:
     if not drivable(request.config):
         return _judged_recipe(request, needs_diagnosis(request))
     parents = {
-        "residuals": build_residuals_stage.STAGE.need(request),
+        "residuals": build_residuals.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
         "certified": certify.STAGE.need(request),
     }
-    source = train_source.STAGE.need(request.having(variant="source"))
+    source = TRAINED_BY["Source"][0].need(request.having(variant="source"))
     if needs_diagnosis(request):
         parents["diagnosis"] = find_diagnosis(request)
     for name in policy_names(request):
@@ -115,7 +88,7 @@ def recipe(request: Request) -> Recipe:
         keys += ["deploy", "correction"]
         parents |= safety.rests_on(request)
     config = request.section(*keys)
-    if (words := measured_on(request)) is not None:
+    if (words := building.measured_on(request)) is not None:
         config["measured_on"] = words
     return Recipe("evaluate", config, {**parents, "driver": source}, {"seed": request.seed})
 
@@ -127,66 +100,51 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     if not drivable(request.config):
         return _write_judged(request, recipe, folder)
     request.progress(0, 3, "one step")
-    drivers = {"policy": "driver", "random": None} | (
-        {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
-    )
+    drivers: dict[str, str | None] = {"policy": "driver", "random": None}
+    if DEPLOYED in recipe.parents:
+        drivers["deployed"] = DEPLOYED
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
     gp = recipe.parents["gp"].path
     scores = {name: _scores(request, gp, visited[name]) for name in ("policy", "random")}
-    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    residuals = build_residuals.read_residuals(recipe.parents["residuals"])
     training = _own_inputs(request, residuals)[fit_gp.rows_of(request, residuals)]
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
-    trips: dict[str, Trips] = {}
-    if certify.goal_task(request) is not None:
-        trips = certify.drive_all(
-            request, recipe, folder, policy_names(request), _training_plants(request, recipe)
-        )
-    returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
-    table = pd.read_csv(recipe.parents["certified"].path / "certified.csv")
-    certified = table["certified"].to_numpy(dtype=np.bool_)
-    pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
-        folder / "returns.csv", index_label="start", lineterminator="\n"
-    )
-    reached = {name: trip.reached[None] for name, trip in trips.items()} or None
-    steps = full_return(make_task(request.config))
-    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
-    solved: dict[str, Any] = {}
-    task = certify.goal_task(request)
+    task, names = certify.goal_task(request), policy_names(request)
+    trips: dict[str, layers.Trips] = {}
     if task is not None:
-        away = behind(task, certify.evaluation_starts(request))  # which starts face away from the goal
+        trips = certify.drive_all(request, recipe, folder, names, _training_plants(request, recipe))
+    returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
+    starts = pd.read_csv(recipe.parents["certified"].path / "certified.csv")
+    certified = starts["certified"].to_numpy(dtype=np.bool_)
+    table = pd.DataFrame({**returns, "certified": certified.astype(int)})
+    table.to_csv(folder / "returns.csv", index_label="start", lineterminator="\n")
+    reached = {name: trip.reached[None] for name, trip in trips.items()} or None
+    alone = {name: values[None] for name, values in returns.items()}  # of one seed
+    by_set = layers.start_sets(alone, certified, full_return(make_task(request.config)), reached)
+    if task is not None:
+        away = layers.behind(task, certify.evaluation_starts(request))  # which starts face away from the goal
         parts = {
             part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
             for part in ("reached", "steps", "path")
         }
-        solved = success_by_set(AllTrips(**parts, behind=away), by_set)
+        solved = layers.success_by_set(layers.AllTrips(**parts, behind=away), by_set)
     else:
-        solved["own_simulator"] = _promised(request, recipe)
-    safe: dict[str, Any] = {}
+        solved = {"own_simulator": _promised(request, recipe)}
+    outside = {n: layers.outside_range(_own_inputs(request, data), training) for n, data in visited.items()}
+    evaluation = {"experiment": request.config["experiment"], "seed": request.seed, "seeds": [request.seed]}
+    if "measured_on" in recipe.config:
+        evaluation["measured_on"] = recipe.config["measured_on"]
+    evaluation |= {key: layers.summarise_all(alone, chosen) for key, chosen in by_set.items()}
+    evaluation |= {"share": {key: float(chosen.mean()) for key, chosen in by_set.items()}, **solved}
+    evaluation["outside_recording"] = outside
+    if "Posterior" in recipe.parents:
+        evaluation |= certify.robustness(request, recipe, returns)
     if safety.safe(request):
         policy = recipe.parents[str(request.config["deploy"]["policy"])]
-        safe["safe_deployment"] = safety.safe_deployment(request, policy)
-    evaluation = {
-        "experiment": request.config["experiment"],
-        "seed": request.seed,
-        "seeds": [request.seed],
-        **({"measured_on": recipe.config["measured_on"]} if "measured_on" in recipe.config else {}),
-        **{
-            key: summarise_all({n: v[None] for n, v in returns.items()}, starts)
-            for key, starts in by_set.items()
-        },
-        "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        **solved,
-        "outside_recording": {
-            name: outside_range(_own_inputs(request, data), training) for name, data in visited.items()
-        },
-        **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
-        **safe,
-        "one_step": scores["policy"],
-        "one_step_random": scores["random"],
-        "rollout": rollout,
-    }
+        evaluation["safe_deployment"] = safety.safe_deployment(request, policy)
+    evaluation |= {"one_step": scores["policy"], "one_step_random": scores["random"], "rollout": rollout}
     write_json(folder / "evaluation.json", plain(evaluation))
     request.progress(3, 3, "done")
     return {}
@@ -203,7 +161,7 @@ def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
     """What each policy was trained in, by its name; of what domain randomisation draws, the middle."""
     found = train_gp_policy.simulators_of(request, recipe.parents["gp"].path, recipe.parents.get("diagnosis"))
     if "Posterior" in recipe.parents:
-        found["Posterior"] = what_is_open(request, recipe)
+        found["Posterior"] = certify.what_is_open(request, recipe)
     return {**found, "Domain randomisation": found["Source"], "Target": target_plant(request.config)}
 
 
@@ -220,7 +178,7 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
         act = policy_actor(read_policy(recipe.parents[driver].path), None if driver == DEPLOYED else rng)
     count = positive(section["one_step_episodes"], "evaluate.one_step_episodes")
     episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
-    return residuals_of(base, episodes, rng)
+    return building.residuals_of(base, episodes, rng)
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
@@ -237,13 +195,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     order = ("Target", "Source", "GP-Mean", "GP-Sample", "Effects")
     plants = {name: trained[name] for name in order if name in trained}
     paths = {
-        name: roll_out(plant, start, actions, generator(request.start_seed, "evaluate/rollouts/noise"))
+        name: layers.roll_out(plant, start, actions, generator(request.start_seed, "evaluate/rollouts/noise"))
         for name, plant in plants.items()
     }
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in (name for name in plants if name != "Target"):
-        found[name] = compare(paths[name], paths["Target"], target.state)
+        found[name] = layers.compare(paths[name], paths["Target"], target.state)
     return found
 
 
@@ -253,7 +211,7 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
     for name in policy_names(request):
         act = policy_actor(read_policy(recipe.parents[name].path))
         rng = generator(request.start_seed, "evaluate/returns")  # the same noise for all, which are compared
-        found[name] = episode_returns(target, task, act, start, rng)
+        found[name] = layers.episode_returns(target, task, act, start, rng)
     return found
 
 
@@ -262,12 +220,12 @@ def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
     task, start = make_task(request.config), certify.evaluation_starts(request)
     names, plants = policy_names(request), _training_plants(request, recipe)
     if "Domain randomisation" in names:
-        plants["Domain randomisation"] = randomised_plant(request.config)
+        plants["Domain randomisation"] = building.randomised_plant(request.config)
     found = {}
     for name in names:
         act, rng = read_policy(recipe.parents[name].path).act, generator(request.start_seed, "evaluate/own")
         on = task.on_target() if name == "Target" else task
-        found[name] = float(episode_returns(plants[name], on, act, start, rng).mean())
+        found[name] = float(layers.episode_returns(plants[name], on, act, start, rng).mean())
     return found
 
 
@@ -279,8 +237,8 @@ def notes(artifact: Artifact) -> list[str]:
     if "not_driven" in evaluation:
         return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
     said = [f"measured on {evaluation['measured_on']}"] if "measured_on" in evaluation else []
-    warnings = coverage_warnings(evaluation.get("outside_recording") or {})
-    said += robustness_lines(evaluation.get("robustness") or {})
+    warnings = layers.coverage_warnings(evaluation.get("outside_recording") or {})
+    said += layers.robustness_lines(evaluation.get("robustness") or {})
     if "safe_deployment" in evaluation:
         said += safety.safety_lines(evaluation["safe_deployment"])
     return [*said, *(f"warning: {text}" for text in warnings)]
@@ -298,7 +256,7 @@ def _scores(
     assert isinstance(correction, GpCorrection)
     inputs, late = arrived_inputs(plant, data)
     mean, variance = correction.predictor.mean_and_variance(correction.features(inputs[rows]))
-    result = OneStep(
+    result = layers.OneStep(
         data.values[rows],
         mean + late[rows],
         variance,
@@ -325,7 +283,7 @@ WHY = (
 
 def _judged_recipe(request: Request, with_effects: bool) -> Recipe:
     """The simulator and what corrects it; the policies are for the robot, not for this."""
-    parents = {"residuals": build_residuals_stage.STAGE.need(request), "gp": fit_gp.STAGE.need(request)}
+    parents = {"residuals": build_residuals.STAGE.need(request), "gp": fit_gp.STAGE.need(request)}
     if with_effects:
         parents["diagnosis"] = find_diagnosis(request)
     config = request.section("simulator", "target", "evaluate", "sample_noise", "gp")
@@ -333,8 +291,7 @@ def _judged_recipe(request: Request, with_effects: bool) -> Recipe:
 
 
 def _write_judged(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write evaluation.json and rollouts.safetensors."""
-    data = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    data = build_residuals.read_residuals(recipe.parents["residuals"])
     held_out = bool(data.test.any())
     judged = data.take(data.test) if held_out else data
     request.progress(0, 2, "one step")
@@ -358,10 +315,10 @@ def _write_judged(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def _replayed_rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
     section, base = request.config["evaluate"], base_plant(request.config)
-    recording = read_recording(build_residuals_stage.recording_folder(request))
+    recording = read_recording(build_residuals.recording_folder(request))
     numbers = np.unique(judged.episode).tolist()
-    windows = windows_of(
-        safety.judged_episodes(holding_out(recording, build_residuals_stage.check(request)), numbers),
+    windows = layers.windows_of(
+        safety.judged_episodes(holding_out(recording, build_residuals.check(request)), numbers),
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
         dt=recording.dt,
@@ -370,9 +327,8 @@ def _replayed_rollouts(request: Request, recipe: Recipe, judged: Residuals, fold
     channels = either_wraps(base.state, recording.state)
     rng = generator(request.start_seed, "evaluate/rollouts")
     steps = windows.recorded.shape[1] - 1
-    found: dict[str, Any] = {
-        "horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt, "warm_up_s": WARM_UP * base.dt,
-    }  # fmt: skip
+    found: dict[str, Any] = {"horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt}
+    found["warm_up_s"] = layers.WARM_UP * base.dt
     paths = {"Target": windows.recorded}
     for name, plant in train_gp_policy.simulators_of(
         request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
@@ -381,8 +337,8 @@ def _replayed_rollouts(request: Request, recipe: Recipe, judged: Residuals, fold
             places = [(numbers[i], t) for i, t in zip(windows.episode, windows.t, strict=True)]
             paths[name] = _replayed(plant, recording, places, steps, recipe.parents["diagnosis"])
         else:
-            paths[name] = replay(plant, windows, rng)
-        found[name] = compare(paths[name], windows.recorded, channels)
+            paths[name] = layers.replay(plant, windows, rng)
+        found[name] = layers.compare(paths[name], windows.recorded, channels)
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     return found
 

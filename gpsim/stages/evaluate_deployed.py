@@ -115,10 +115,8 @@ def trips(recording: Recording, whole: bool) -> list[tuple[str, Episode]]:
         groups.setdefault(str(log) if whole and log else episode.name, []).append(episode)
     found = []
     for parts in groups.values():
-        name, log = (
-            parts[0].name,
-            (origins.get(parts[0].name) or {}).get("log"),
-        )  # which is told where it is known
+        name = parts[0].name
+        log = (origins.get(name) or {}).get("log")  # which is told where it is known
         found.append((name if log is None else f"{name} ({log})", _joined(parts, origins)))
     return found
 
@@ -129,13 +127,8 @@ def _joined(parts: Sequence[Episode], origins: Mapping[str, Any]) -> Episode:
         return parts[0]
     begun = [float(origins[part.name]["start_s"]) for part in parts]
     times = [start + part.t - part.t[0] for start, part in zip(begun, parts, strict=True)]
-    last = [np.full((1, part.actions.shape[1]), np.nan) for part in parts[:-1]]
-    actions = [
-        a
-        for part, gap in zip(parts, [*last, None], strict=True)
-        for a in (part.actions, gap)
-        if a is not None
-    ]
+    gap = np.full((1, parts[0].actions.shape[1]), np.nan)
+    actions = [a for part in parts for a in (part.actions, gap)][:-1]
     states = np.concatenate([part.states for part in parts])
     return Episode(parts[0].name, np.concatenate(times), states, np.concatenate(actions))
 
@@ -233,14 +226,13 @@ def replay(request: Request, logs: Sequence[Path]) -> Json:
 
 def replay_lines(found: Json) -> list[str]:
     """A line a drive, and how often nothing would have been stopped."""
-    lines, stopped = [], 0
+    lines = []
     for drive in found["drives"]:
-        if drive["stopped_at"] is None:
-            lines.append(f"{drive['drive']}: {drive['seconds']:.1f} s, not stopped")
-        else:
-            stopped += 1
-            at = f"stopped after {drive['stopped_at']:.2f} of {drive['seconds']:.1f} s"
-            lines.append(f"{drive['drive']}: {at} ({drive['why']})")
+        said = f"{drive['seconds']:.1f} s, not stopped"
+        if drive["stopped_at"] is not None:
+            said = f"stopped after {drive['stopped_at']:.2f} of {drive['seconds']:.1f} s ({drive['why']})"
+        lines.append(f"{drive['drive']}: {said}")
+    stopped = sum(drive["stopped_at"] is not None for drive in found["drives"])
     lines.append(
         f"{stopped} of {len(found['drives'])} drives would have been stopped; stated: a false stop in "
         f"{found['minutes']:g} minutes with a probability of {found['stated_false_stops']:g} at most"

@@ -1,32 +1,41 @@
-"""export policy: a trained policy as ONNX, and nodes of ROS 1 and ROS 2 that play it."""
+"""export, view: a policy as ONNX and ROS nodes, a recording, a corrected model, a diagnosis for Foxglove and Rerun."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from gpsim.artifacts import read_artifact
+from gpsim.artifacts import Artifact, read_artifact, read_timings
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.corrected import CorrectedPlant, GpCorrection
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.errors import UsageError, near_path
 from gpsim.evaluation import BETS, Monitor
-from gpsim.files import Json, write_json, written_whole
+from gpsim.files import Json, disk_errors, write_json, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
 from gpsim.policies.export import to_onnx
 from gpsim.policies.ros_node import ros_node
-from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
+from gpsim.recordings import Predictions, Recording, read_recording, write_mcap, write_table
+from gpsim.reports.account import account_of
+from gpsim.reports.bodies import body_of
+from gpsim.reports.scene import Shown
+from gpsim.residuals import first_held_out
 from gpsim.settings import build
-from gpsim.simulators import SIMULATORS, Integrator, Simulator
-from gpsim.stages import safety
+from gpsim.simulators import SIMULATORS, Integrator
+from gpsim.stages import diagnose, safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 from gpsim.stages.diagnosis_files import correction_of, moved_sentences, sentences, went
 from gpsim.stages.policy_files import policy_artifact, read_policy, survival_lines
-from gpsim.stages.stage import Request, new_place
+from gpsim.stages.stage import Request, blamed, new_place, written_new
 from gpsim.tasks import GoalReaching
+from gpsim.traces import alongside
 
 SCHEMA = "gpsim.monitor/1"
 POSE, TWIST = ("x", "y", "yaw"), ("v_cmd", "w_cmd")
@@ -100,31 +109,26 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
     ]
-    try:
-        with written_whole(out) as made:
-            made.mkdir()
-            (made / "policy.onnx").write_bytes(to_onnx(policy))
-            origin = {
-                "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
-            }  # fmt: skip
-            if survives := survival_lines(path):
-                origin["survives"] = survives
-            write_json(made / "policy.json", origin)
-            if has_node:
-                task = build(GoalReaching, config["task"], "task")
-                goal = (task.evaluation_goal[0], task.evaluation_goal[1])
-                for ros, name in NODES.items():
-                    text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
-                    (made / name).write_text(text, encoding="utf-8")
-                    (made / name).chmod(0o755)
-                    notes.append(
-                        f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how"
-                    )
-            if monitor is not None:
-                write_json(made / MONITOR, monitor)
-                notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    with written_new(out) as made:
+        made.mkdir()
+        (made / "policy.onnx").write_bytes(to_onnx(policy))
+        origin = {
+            "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
+        }  # fmt: skip
+        if survives := survival_lines(path):
+            origin["survives"] = survives
+        write_json(made / "policy.json", origin)
+        if has_node:
+            task = build(GoalReaching, config["task"], "task")
+            goal = (task.evaluation_goal[0], task.evaluation_goal[1])
+            for ros, name in NODES.items():
+                text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
+                (made / name).write_text(text, encoding="utf-8")
+                (made / name).chmod(0o755)
+                notes.append(f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how")
+        if monitor is not None:
+            write_json(made / MONITOR, monitor)
+            notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
     return notes
 
 
@@ -142,11 +146,8 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
         )
     recording = read_recording(path)
     predictions, notes = predict(recording)
-    try:
-        with written_whole(out, ".parquet" if form == "parquet" else "") as made:
-            (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    with written_new(out, ".parquet" if form == "parquet" else "") as made:
+        (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
     samples = sum(len(e.t) for e in recording.episodes)
     return [f"{len(recording.episodes)} episode(s), {samples} samples", *notes]
 
@@ -162,32 +163,27 @@ def predict(recording: Recording) -> tuple[Predictions, list[str]]:
     if names != (simulator.state.names, simulator.action.names):
         return {}, [f"measured channels only: not the channels of the simulator {recording.system}"]
     parameters = simulator.defaults(recording.parameters)
-    pairs = [_predicted(simulator, parameters, recording, episode) for episode in recording.episodes]
-    notes = [
+    integrator, wraps = cast(Integrator, recording.integrator), recording.state.wraps
+    found: dict[str, list[FloatArray]] = {"simulated": [], "open_loop": []}
+    for episode in recording.episodes:
+        dt = np.diff(episode.t)
+        one_step = np.full_like(episode.states, np.nan)  # (K + 1, S), of which the first row is unknown
+        run = np.full_like(episode.states, np.nan)
+        run[0] = episode.states[0]
+        with np.errstate(all="ignore"):  # an open loop may run away; what is not finite is left out
+            if len(episode):
+                one_step[1:] = simulator.step(
+                    episode.states[:-1], episode.actions, parameters, dt, integrator
+                )
+            for k in range(len(episode)):
+                row = slice(k, k + 1)
+                run[k + 1] = simulator.step(run[row], episode.actions[row], parameters, dt[row], integrator)
+        for name, states in (("simulated", one_step), ("open_loop", run)):
+            states[:, wraps] = wrap_angle(states[:, wraps])
+            found[name].append(states)
+    return found, [
         "simulated: the base simulator, one step from the measured state; open_loop: from the first state on"
     ]
-    return {"simulated": [one for one, _ in pairs], "open_loop": [run for _, run in pairs]}, notes
-
-
-def _predicted(
-    simulator: Simulator, parameters: dict[str, float], recording: Recording, episode: Episode
-) -> tuple[FloatArray, FloatArray]:
-    """(K + 1, S) each; the first row of the one-step prediction is unknown."""
-    dt, integrator = np.diff(episode.t), cast(Integrator, recording.integrator)
-    wraps = recording.state.wraps
-    one_step = np.full_like(episode.states, np.nan)
-    run = np.full_like(episode.states, np.nan)
-    run[0] = episode.states[0]
-    with np.errstate(all="ignore"):  # an open loop may run away; what is not finite is left out
-        if len(episode):
-            one_step[1:] = simulator.step(episode.states[:-1], episode.actions, parameters, dt, integrator)
-        for k in range(len(episode)):
-            run[k + 1] = simulator.step(
-                run[k : k + 1], episode.actions[k : k + 1], parameters, dt[k : k + 1], integrator
-            )
-        for states in (one_step, run):
-            states[:, wraps] = wrap_angle(states[:, wraps])
-    return one_step, run
 
 
 def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple[Exported, list[str]]:
@@ -216,17 +212,8 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
     }
     moved = moved_sentences(found.kinematics)
     made = export_model(correction, sentences(found.effects), source, out, moved, urdf)
-    corrected = [*moved.values()]
-    return made, [
-        *_notes(made, plant.terms == () and not corrected),
-        *(f"{said} -> model" for said in corrected),
-    ]
-
-
-def _notes(made: Exported, nothing: bool) -> list[str]:
-    """What was written, and where each effect went."""
     notes = [f"{kind:<8} {path.name}" for kind, path in made.files.items()]
-    if nothing:
+    if plant.terms == () and not moved:
         notes.append("no effect stands: the model is the base")
     notes += [went(effect) for effect in made.effects]
     if made.wrapped:
@@ -235,10 +222,112 @@ def _notes(made: Exported, nothing: bool) -> list[str]:
         )
     notes += [f"not in the URDF: {line}" for line in made.lost]
     notes.append(f"read back: no number differs by more than {made.difference:.1g} of its field's largest")
-    return notes
+    return made, [*notes, *(f"{said} -> model" for said in moved.values())]
 
 
 def told(made: Exported) -> Json:
     """For --json: where each effect went, and how exactly the model comes back."""
     effects = [dict(effect) for effect in made.effects]
     return {"effects": effects, "largest_difference": made.difference, "not_in_urdf": list(made.lost)}
+
+
+NEEDS = {"mcap": ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf"), "rrd": ("rerun",)}
+MISSING = {
+    "mcap": "export diagnosis: Foxglove's formats are not installed; pip install 'gpsim[foxglove]'",
+    "rrd": "view: Rerun is not installed; pip install 'gpsim[rerun]'",
+}
+"""What is said where a package that a format needs is not there."""
+
+
+def export_diagnosis(
+    folder: Path,
+    out: Path | None = None,
+    recording: Path | None = None,
+    horizon: float | None = None,
+    form: Literal["mcap", "rrd"] = "mcap",
+) -> tuple[Path, list[str]]:
+    """Write a file of the diagnosis at `folder`; where it lies, and sentences about what is in it.
+
+    out: the new file, beside the folder without one. recording: where the recording lies now, which must be the one
+    that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. form: for Foxglove, or for
+    Rerun. Raises UsageError.
+    """
+    if any(find_spec(name) is None for name in NEEDS[form]):
+        raise UsageError(MISSING[form])
+    artifact = read_artifact(folder, "diagnose")
+    place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
+    out = out or place.with_name(f"{place.name}.{form}")
+    new_place(out)
+    if artifact.path.resolve() in out.resolve().parents:
+        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+    if horizon is not None and not 0 < horizon < np.inf:
+        raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
+    found = read_diagnosis(folder)
+    opened = _opened(artifact, recording)
+    plant = read_corrected(folder)
+    process = found.remainder.gp is None or found.remainder.gp.used
+    with_gp = read_corrected(folder, gp=True) if process else None
+    settings = Settings()  # the usual ones where an earlier version had others
+    with suppress(UsageError):
+        settings = read_settings(artifact.manifest["config"].get("settings") or {})
+    seconds = horizon or found.fit.rollout.horizon_s
+    with blamed(plant.simulator.name):
+        along = alongside(opened, plant, with_gp, seconds, Run(settings=settings))
+    facts = {
+        "verdict": found.verdict,
+        "said": account_of(found).sentence,
+        "simulator": plant.simulator.name,
+        "horizon_s": f"{along.horizon:g}",
+        "diagnosis_sha256": artifact.digest,
+    }
+    body = body_of(plant.simulator, plant.parameters, _reach(opened))
+    shown = Shown(opened, along, body, first_held_out(opened), facts)
+    if form == "mcap":
+        from gpsim.reports.foxglove_file import write_foxglove as write
+    else:
+        from gpsim.reports.rerun_file import write_rerun as write
+    with disk_errors(out, "--out"), written_whole(out) as made:
+        count = write(shown, made)
+    samples = sum(len(e.t) for e in opened.episodes)
+    notes = [
+        f"{count} messages: {len(opened.episodes)} episode(s), {samples} samples",
+        f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
+    ]
+    if along.every > 1:
+        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
+    if not found.effects:
+        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
+    if body is None:
+        notes.append(f"numbers only: nobody knows the shape of {plant.simulator.name}, so no body is drawn")
+    return out, notes
+
+
+def _opened(artifact: Artifact, recording: Path | None) -> Recording:
+    """The recording that was diagnosed, byte for byte."""
+    config = artifact.manifest["config"]
+    if diagnose.RECORDINGS in config:
+        raise UsageError(
+            f"{artifact.path}: judges several recordings together, and one is shown at a time: diagnose that one alone"
+        )
+    told = read_timings(artifact.path).get(diagnose.RECORDING)  # where nobody wrote it down, none
+    place = recording or (Path(told) if isinstance(told, str) else None)
+    if place is None:
+        raise UsageError(
+            f"{artifact.path}: does not say where its recording lies; name it with --recording PATH"
+        )
+    if not place.exists():
+        raise UsageError(f"{place}: the recording is not there; say with --recording PATH where it lies now")
+    task = diagnose.Task(place, str(config["simulator"]), config.get("episodes"))
+    if sorted(diagnose.digests_of(task).values()) != sorted(config["recording"].values()):
+        raise UsageError(
+            f"{place}: not the recording that {artifact.path} diagnosed, or changed since; "
+            "name that one with --recording PATH, or diagnose this one"
+        )
+    return diagnose.open_recording(task)[0]
+
+
+def _reach(recording: Recording) -> float:
+    """How far it travels along its longest channel in metres; 1 where nothing is."""
+    columns = [i for i, channel in enumerate(recording.state) if channel.unit == "m"]
+    states = np.concatenate([episode.states[:, columns] for episode in recording.episodes])
+    return float(np.ptp(states, axis=0).max()) or 1.0 if columns else 1.0

@@ -25,26 +25,17 @@ from gpsim.files import Json, read_object, write_json
 from gpsim.gp import MOST_ROWS, Predictor, fit_chain, fit_outputs
 from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals
-from gpsim.residuals import build_residuals as subtracted
 from gpsim.settings import build, number
 from gpsim.simulators import SimulatorPlant
-from gpsim.stages import build_residuals
-from gpsim.stages.building import (
-    base_plant,
-    chain_of,
-    check_gp,
-    count_of,
-    fit_settings,
-    input_names,
-    settle_of,
-)
+from gpsim.stages import build_residuals, building
+from gpsim.stages.building import base_plant, count_of, fit_settings, input_names, settle_of
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
 
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
-    check_gp(request)
+    building.check_gp(request)
     observations_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
@@ -68,7 +59,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     settings = fit_settings(request)
     _check_size(residuals, base, features, count, settle)
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
-    chain, rng, names = chain_of(request), generator(request.seed, "fit-gp"), residuals.rate.names
+    chain, rng, names = building.chain_of(request), generator(request.seed, "fit-gp"), residuals.rate.names
     if chain is None:
         gps = fit_outputs(inputs, targets, settings, rng)
         predictor, fitted = Predictor(gps), dict(zip(names, gps, strict=True))
@@ -103,10 +94,8 @@ def _check_size(
 
     if (found := distinct(count)) <= MOST_ROWS:
         return
-    fits, too_many = (
-        MOST_ROWS,
-        min(count, int(np.sum(~residuals.test))),
-    )  # each row adds one distinct input at most
+    # Each row adds one distinct input at most.
+    fits, too_many = MOST_ROWS, min(count, int(np.sum(~residuals.test)))
     while too_many - fits > 1:
         middle = (fits + too_many) // 2
         fits, too_many = (middle, too_many) if distinct(middle) <= MOST_ROWS else (fits, middle)
@@ -201,22 +190,13 @@ def _smoothed(request: Request, recording: Recording, base: SimulatorPlant, smoo
         raise UsageError(
             "gp.observations: the simulator runs away along the recording: no states can be estimated"
         )
-    found = _residuals(request, whole, base).take(np.concatenate([known for _, known in parts]))
+    found = build_residuals.subtracted(request, whole, base).take(
+        np.concatenate([known for _, known in parts])
+    )
     order = np.full(len(found.order), -1, dtype=np.int64)
     training = np.flatnonzero(found.order >= 0)
     order[training[np.argsort(found.order[training])]] = np.arange(training.size)
     return replace(found, order=order)
-
-
-def _residuals(request: Request, recording: Recording, base: SimulatorPlant) -> Residuals:
-    return subtracted(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=build_residuals.check(request),
-        rng=generator(request.seed, "build-residuals/order"),
-    )
 
 
 def _learnt(request: Request, residuals: Residuals) -> tuple[GpCorrection, FloatArray]:
@@ -227,26 +207,19 @@ def _learnt(request: Request, residuals: Residuals) -> tuple[GpCorrection, Float
     rng = generator(request.seed, "fit-gp/observations")
     predictor = Predictor(fit_outputs(inputs, residuals.values[rows], fit_settings(request), rng))
     _, variance = predictor.mean_and_variance(inputs)
-    return GpCorrection(predictor, features, "mean", sample_noise=False), np.sqrt(
-        variance.mean(axis=0) + predictor.noise_variances
-    )
+    spread = np.sqrt(variance.mean(axis=0) + predictor.noise_variances)
+    return GpCorrection(predictor, features, "mean", sample_noise=False), spread
 
 
 def _spread(request: Request, recording: Recording, base: SimulatorPlant, noise: FloatArray) -> FloatArray:
     """(R,): the spread of the residuals less what the noise makes of it, which as much noise once more shows."""
     rng = generator(request.seed, "fit-gp/noise")
-    noisier = replace(
-        recording,
-        episodes=tuple(
-            replace(e, states=e.states + noise * rng.standard_normal(e.states.shape))
-            for e in recording.episodes
-        ),
+    shaken = (
+        replace(e, states=e.states + noise * rng.standard_normal(e.states.shape)) for e in recording.episodes
     )
-    values, again = (_residuals(request, part, base).values for part in (recording, noisier))
-    total = values.var(axis=0)
-    return np.asarray(
-        np.sqrt(np.maximum(total - np.maximum(again.var(axis=0) - total, 0.0), LEAST * total) + 1e-300)
-    )
+    parts = (recording, replace(recording, episodes=tuple(shaken)))
+    total, again = (build_residuals.subtracted(request, part, base).values.var(axis=0) for part in parts)
+    return np.asarray(np.sqrt(np.maximum(total - np.maximum(again - total, 0.0), LEAST * total) + 1e-300))
 
 
 def _noise_of(recording: Recording, given: Mapping[str, Any] | None) -> FloatArray:

@@ -11,26 +11,26 @@ from pathlib import Path
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError, near_path
 from gpsim.files import Json, write_json
-from gpsim.launchers import Launcher, Update
+from gpsim.launchers import Launcher
 from gpsim.recordings import is_bag_folder
 from gpsim.reports.fleet import Deviation, Robot, deviations, fleet_page, headline
 from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
-from gpsim.stages.jobs import Failed, Finished, Job, gathered
+from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.raw_logs import is_raw
 from gpsim.stages.stage import Request, stage_about
 
 STAGE_NAME, FORMAT = "fleet", 1
-FACTS, PAGE = "fleet.json", "report.html"
-SCHEMA = "gpsim.fleet/1"
+FACTS, PAGE, SCHEMA = "fleet.json", "report.html", "gpsim.fleet/1"
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """What was found. artifact: with the page; robots: in the order of the recordings; places: their diagnoses."""
+    """What was found: the artifact with the page, robots in the order of the recordings, and their diagnoses."""
 
     artifact: Artifact
     robots: tuple[Robot, ...]
     found: tuple[Deviation, ...]
+    made: Mapping[str, Artifact]
 
     @property
     def said(self) -> str:
@@ -66,7 +66,6 @@ def recordings_in(paths: Sequence[Path], simulator: str | None) -> dict[str, Pat
 
 
 def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]:
-    """Those that one word names."""
     if not path.is_dir() or (path / "recording.yaml").is_file():
         return [path]
     homes = [found.parent for found in path.rglob("recording.yaml")]
@@ -81,14 +80,7 @@ def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]
     return [p for p in sorted(path.iterdir()) if not p.name.startswith(".") and is_raw(p, simulator)]
 
 
-def run(
-    request: Request,
-    tasks: Mapping[str, Task | str],
-    launcher: Launcher,
-    update: Update,
-    finished: Finished,
-    failed: Failed,
-) -> Fleet:
+def run(request: Request, tasks: Mapping[str, Task | str], launcher: Launcher, told: Told) -> Fleet:
     """Diagnose each recording; one that fails stops no other. Raises UsageError where all do.
 
     tasks: what each is about, or why it cannot be read.
@@ -97,16 +89,16 @@ def run(
         raise UsageError(
             f"{request.out}: exists already; artifacts are never overwritten, choose another --out"
         )
-    alone = replace(request, out=None)
     unread = {name: task for name, task in tasks.items() if isinstance(task, str)}
     for name, why in unread.items():
-        failed(name, why)
+        told.failed(name, why)
+    alone = replace(request, out=None)
     jobs = [
         Job(name, "diagnose", alone, made_by=partial(stage_for, task))
         for name, task in tasks.items()
         if isinstance(task, Task)
     ]
-    made, errors = gathered(jobs, launcher, update, finished, failed)
+    made, errors = run_jobs(jobs, launcher, told, keep_going=True)
     errors = unread | errors
     if not made:
         raise UsageError(f"no recording could be diagnosed; the first: {next(iter(errors.values()))}")
@@ -115,13 +107,12 @@ def run(
         for name in tasks
     )
     found = tuple(deviations(robots))
-    stage = stage_about(STAGE_NAME, _recipe, _write, robots, found, made, format=FORMAT)
-    artifact, _ = stage.make(request)
-    return Fleet(artifact, robots, found)
+    artifact, _ = stage_about(STAGE_NAME, _recipe, _write, robots, found, made, format=FORMAT).make(request)
+    return Fleet(artifact, robots, found, made)
 
 
 def _recipe(
-    request: Request, robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact]
+    request: Request, robots: Sequence[Robot], found: Sequence[Deviation], made: Mapping[str, Artifact]
 ) -> Recipe:
     """The diagnoses by their digests, no parents: a fleet of thousands would hold as many folders open."""
     each = [
@@ -136,7 +127,7 @@ def _write(
     folder: Path,
     robots: Sequence[Robot],
     found: Sequence[Deviation],
-    made: dict[str, Artifact],
+    made: Mapping[str, Artifact],
 ) -> Json:
     content: Json = {
         "schema": SCHEMA,
@@ -153,8 +144,7 @@ def _write(
         "differences": [asdict(d) for d in found],
     }
     write_json(folder / FACTS, content)
-    simulators = [
-        str(made[r.name].manifest["config"].get("simulator") or "") if r.name in made else "" for r in robots
-    ]
-    (folder / PAGE).write_text(fleet_page(robots, simulators), encoding="utf-8")
+    configs = [made[r.name].manifest["config"] if r.name in made else {} for r in robots]
+    page = fleet_page(robots, [str(config.get("simulator") or "") for config in configs])
+    (folder / PAGE).write_text(page, encoding="utf-8")
     return {"diagnoses": {name: str(artifact.path) for name, artifact in made.items()}}

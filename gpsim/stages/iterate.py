@@ -18,18 +18,17 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import episode_returns, one_step_errors
+from gpsim.evaluation import one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.launchers import Launcher, Update
+from gpsim.launchers import Launcher
 from gpsim.recordings import Episode, read_recording, write_recording
 from gpsim.settings import positive
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals, building, certify, collect, safety, train_gp_policy
 from gpsim.stages.building import base_plant, drivable, make_task, recording_of, target_plant
-from gpsim.stages.jobs import Finished, Job, run_jobs
+from gpsim.stages.jobs import Job, Told, run_jobs
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator, stage_about
-from gpsim.tasks import Start
 
 DRIVE, SWEEP, SUMMARY = "drive", "sweep", "iteration.json"
 
@@ -75,15 +74,15 @@ def check(request: Request) -> int:
     return rounds
 
 
-def run(request: Request, launcher: Launcher, update: Update, finished: Finished) -> Artifact:
+def run(request: Request, launcher: Launcher, told: Told) -> Artifact:
     """Go on until a round gains no more than its standard error, or all rounds are done; the summary."""
     rounds = check(request)
 
     def made(label: str, stage: str, of: Request, made_by: Callable[[], Stage] | None = None) -> Artifact:
-        return run_jobs([Job(label, stage, of, (), made_by)], launcher, update, finished)[label]
+        return run_jobs([Job(label, stage, of, (), made_by)], launcher, told)[0][label]
 
     policy = made("policy 0", "train-source", request.having(variant="source"))
-    best, kept, done = policy, _trial(request, policy), []
+    best, kept, done = policy, trial(request, policy), []
     parents: dict[str, Artifact] = {"policy-0": policy}
     done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
     recording: Artifact | None = None
@@ -102,10 +101,10 @@ def run(request: Request, launcher: Launcher, update: Update, finished: Finished
         )
         asked = request.having(recording=str(recording.path))
         jobs = _refit(asked, turn)
-        policy = run_jobs(jobs, launcher, update, finished)[jobs[-1].label]
+        policy = run_jobs(jobs, launcher, told)[0][jobs[-1].label]
         known = safety.predictor(jobs[-1].request)
         parents[f"policy-{turn + 1}"] = policy
-        earned = _trial(request, policy)
+        earned = trial(request, policy)
         difference = earned - kept  # from the same starts
         gain = float(difference.mean())
         error = float(difference.std(ddof=1) / np.sqrt(len(difference)))
@@ -178,21 +177,17 @@ def _new(request: Request, known: Plant, recording: Artifact) -> float:
     return float((np.sqrt((left**2).mean(axis=0))[counts] / size[counts]).mean())
 
 
-def _trial(request: Request, policy: Artifact) -> FloatArray:
+def trial(request: Request, policy: Artifact) -> FloatArray:
     """(N,) returns on the target, of starts that no evaluation knows."""
     count = int(request.config["evaluate"]["episodes"])
     rng = generator(request.seed, "iterate/trial")
-    return _returns(request, policy, make_task(request.config).start(count, rng), "iterate/trial")
+    start = make_task(request.config).start(count, rng)
+    return certify.returns_of(request, target_plant(request.config), policy, start, "iterate/trial")
 
 
 def _evaluated(request: Request, policy: Artifact) -> float:
-    return float(_returns(request, policy, certify.evaluation_starts(request), "evaluate/returns").mean())
-
-
-def _returns(request: Request, policy: Artifact, start: Start, purpose: str) -> FloatArray:
-    act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
-    rng = generator(request.start_seed, purpose)
-    return episode_returns(target_plant(request.config), task, act, start, rng)
+    target, start = target_plant(request.config), certify.evaluation_starts(request)
+    return float(certify.returns_of(request, target, policy, start, "evaluate/returns").mean())
 
 
 def _summary_stage(done: list[Round], stopped: str, parents: dict[str, Artifact]) -> Stage:

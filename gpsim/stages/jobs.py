@@ -5,18 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
-from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks
+from gpsim.launchers import Launcher, Progress, Task, run_tasks
 from gpsim.stages.stage import Request, Stage, check_same_code, code_here, silent
 
-Finished = Callable[[str, Artifact, bool], None]
-"""finished(job, artifact, existed)"""
-Failed = Callable[[str, str], None]
-"""failed(job, why)"""
 Result = TypeVar("Result")
+
+
+class Told(Protocol):
+    """Who hears of jobs."""
+
+    def update(self, job: str, done: int, total: int, note: str) -> None:
+        """How far one is."""
+
+    def made(self, job: str, artifact: Artifact, existed: bool) -> None:
+        """What one made, or found."""
+
+    def failed(self, job: str, why: str) -> None:
+        """Why one made nothing, where the others go on."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +53,16 @@ class Job:
 
 
 def run_jobs(
-    jobs: Sequence[Job], launcher: Launcher, update: Update, finished: Finished, failed: Failed | None = None
-) -> dict[str, Artifact]:
-    """Run every job as soon as what it waits for is done; what was made or found, by its label.
+    jobs: Sequence[Job], launcher: Launcher, told: Told, *, keep_going: bool = False
+) -> tuple[dict[str, Artifact], dict[str, str]]:
+    """Run every job as soon as what it waits for is done: what was made or found by its label, and why others failed.
 
-    The first failure stops the rest and is raised; with `failed` it is told to that, and what does not wait for it goes
-    on. Existing artifacts are found, not made again. Version numbers follow the order of `jobs`, not of completion, so
-    that the same configuration gives the same folders.
+    The first failure stops the rest and is raised; with `keep_going` what does not wait for it goes on. Existing
+    artifacts are found, not made again. Version numbers follow the order of `jobs`, not of completion, so that the same
+    configuration gives the same folders.
     """
     made: dict[str, Artifact] = {}
+    errors: dict[str, str] = {}
     tasks: list[Task] = []
     with listed_once():
         for job, request, existing in list(numbered(jobs)):
@@ -62,27 +72,15 @@ def run_jobs(
                 work = partial(_work, replace(job, request=request), code_here())
                 tasks.append(Task(job.label, work, job.after))
     for label, artifact in made.items():
-        finished(label, artifact, True)
-    for outcome in run_tasks(launcher, tasks, update, keep_going=failed is not None):
-        if outcome.error is not None and failed is not None:
-            failed(outcome.label, _in_a_line(outcome.error))
-            continue
-        made[outcome.label], existed = outcome.result
-        finished(outcome.label, made[outcome.label], existed)
-    return made
-
-
-def gathered(
-    jobs: Sequence[Job], launcher: Launcher, update: Update, finished: Finished, failed: Failed
-) -> tuple[dict[str, Artifact], dict[str, str]]:
-    """Run jobs of which one that fails stops no other: what was made by its label, and why the rest was not."""
-    errors: dict[str, str] = {}
-
-    def wrong(label: str, why: str) -> None:
-        errors[label] = why
-        failed(label, why)
-
-    return run_jobs(jobs, launcher, update, finished, wrong), errors
+        told.made(label, artifact, True)
+    for outcome in run_tasks(launcher, tasks, told.update, keep_going=keep_going):
+        if outcome.error is not None:
+            errors[outcome.label] = _in_a_line(outcome.error)
+            told.failed(outcome.label, errors[outcome.label])
+        else:
+            made[outcome.label], existed = outcome.result
+            told.made(outcome.label, made[outcome.label], existed)
+    return made, errors
 
 
 def numbered(jobs: Sequence[Job]) -> Iterator[tuple[Job, Request, Artifact | None]]:

@@ -49,26 +49,29 @@ class Played:
     around: Around | None
 
 
-def stage_for(
-    diagnoses: Sequence[Path], minutes: float, anew: bool = False, policy: Path | None = None
-) -> Stage:
-    """The stage for finished diagnoses of one machine, whose explanations are told apart together.
+@dataclass(frozen=True)
+class Asked:
+    """What is asked beside the settings.
 
-    policy: a finished policy that the machine is steered by meanwhile.
+    minutes: how long the plan may take; anew: somebody puts the machine back to rest before each piece; policy: a
+    finished one that steers the machine meanwhile.
     """
-    return stage_about("plan", _recipe, _write, diagnoses, minutes, anew, policy, format=FORMAT, code=SOURCES)
+
+    minutes: float
+    anew: bool = False
+    policy: Path | None = None
+    seed: int = 0
+    progress: Progress = silent
+    processes: int = 1
+
+
+def stage_for(diagnoses: Sequence[Path], asked: Asked) -> Stage:
+    """The stage for finished diagnoses of one machine, whose explanations are told apart together."""
+    return stage_about("plan", _recipe, _write, diagnoses, asked, format=FORMAT, code=SOURCES)
 
 
 def planned(
-    posterior: LeftOpen,
-    plant: EffectsPlant,
-    section: Mapping[str, Any],
-    minutes: float,
-    rng: np.random.Generator,
-    progress: Progress | None = None,
-    processes: int = 1,
-    anew: bool = False,
-    steer: Steer | None = None,
+    posterior: LeftOpen, plant: EffectsPlant, section: Mapping[str, Any], asked: Asked
 ) -> tuple[Plan, Limits]:
     """The plan of a posterior under the settings and limits of a section; raises UsageError."""
     settings = build(PlanSettings, {k: v for k, v in section.items() if k not in STATED}, "plan")
@@ -76,17 +79,17 @@ def planned(
     limits = limits_of(stated, plant.simulator, posterior.visited, settings.margin)
     with blamed(plant.simulator.name):
         around = None
-        if steer is not None:
+        if (steer := steered_by(asked.policy, plant)) is not None:
             around = Around(steer, limits.low, limits.high, limits.rate, limits.idle, plant.dt)
-        machine = Machine(
-            plant.simulator, plant.parameters, plant.dt, plant.substeps, Run(threads=processes), around
-        )
-        return make_plan(machine, posterior, limits, settings, minutes, rng, progress or silent, anew), limits
+        run, rng = Run(threads=asked.processes), generator(asked.seed, "plan")
+        machine = Machine(plant.simulator, plant.parameters, plant.dt, plant.substeps, run, around)
+        made = make_plan(machine, posterior, limits, settings, asked.minutes, rng, asked.progress, asked.anew)
+        return made, limits
 
 
-def policy_for(folder: Path, simulator: Simulator, dt: float) -> Artifact:
-    """A finished policy that can steer this simulator at this control step; raises UsageError."""
-    artifact = policy_artifact(folder)
+def policy_for(folder: Path, plant: EffectsPlant) -> Artifact:
+    """A finished policy that can steer this machine at its control step; raises UsageError."""
+    artifact, simulator, dt = policy_artifact(folder), plant.simulator, plant.dt
     config = artifact.manifest["config"]
     task = make_task(config)
     if not (task.state.same_as(simulator.state) and task.action.same_as(simulator.action)):
@@ -125,7 +128,7 @@ def steered_by(policy: Path | None, plant: EffectsPlant) -> Steer | None:
     """What a finished policy commands of this machine; raises UsageError for one that cannot."""
     if policy is None:
         return None
-    made = policy_for(policy, plant.simulator, plant.dt)
+    made = policy_for(policy, plant)
     return steering(made.path, made.manifest["config"])
 
 
@@ -170,18 +173,16 @@ def _around(folder: Path, facts: Mapping[str, Any], simulator: Simulator) -> Aro
     return Around(steering(folder, facts["policy"]), low, high, rate, idle, facts["dt"])
 
 
-def _recipe(
-    request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
-) -> Recipe:
-    if not minutes > 0.0:
-        raise UsageError(f"--minutes: expected more than 0, got {minutes:g}")
+def _recipe(request: Request, diagnoses: Sequence[Path], asked: Asked) -> Recipe:
+    if not asked.minutes > 0.0:
+        raise UsageError(f"--minutes: expected more than 0, got {asked.minutes:g}")
     plant = _plant(diagnoses)
     made = {
         f"diagnosis_{i}" if i else "diagnosis": read_artifact(d, "diagnose") for i, d in enumerate(diagnoses)
     }
-    if policy is not None:
-        made["policy"] = policy_for(policy, plant.simulator, plant.dt)
-    config = {**request.section("plan"), "minutes": minutes, "anew": anew}
+    if asked.policy is not None:
+        made["policy"] = policy_for(asked.policy, plant)
+    config = {**request.section("plan"), "minutes": asked.minutes, "anew": asked.anew}
     return Recipe("plan", config, made, {"seed": request.seed})
 
 
@@ -202,20 +203,15 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
     return plants[0]
 
 
-def _write(
-    request: Request, folder: Path, diagnoses: Sequence[Path], minutes: float, anew: bool, policy: Path | None
-) -> Json:
+def _write(request: Request, folder: Path, diagnoses: Sequence[Path], asked: Asked) -> Json:
     from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
-    section, rng = request.config["plan"], generator(request.seed, "plan")
-    steer = steered_by(policy, plant)
-    plan, limits = planned(
-        posterior, plant, section, minutes, rng, request.progress, request.cores, anew, steer
-    )
+    asked = replace(asked, seed=request.seed, progress=request.progress, processes=request.cores)
+    plan, limits = planned(posterior, plant, request.config["plan"], asked)
     state, action = plant.simulator.state, plant.simulator.action
-    table: dict[str, Any] = {"episode": plan.episode.astype(int)} if anew else {}
-    what = DITHER if policy else ""
+    table: dict[str, Any] = {"episode": plan.episode.astype(int)} if asked.anew else {}
+    what = DITHER if asked.policy else ""
     table |= {"t": np.round(plan.t, 9)} | {n + what: plan.commands[:, i] for i, n in enumerate(action.names)}
     pd.DataFrame(table).to_csv(folder / COMMANDS, index=False, lineterminator="\n")
     box = {n: [limits.box_low[i], limits.box_high[i]] for i, n in enumerate(state.names)}
@@ -231,8 +227,8 @@ def _write(
         "rest_commands": {n: limits.idle[i] for i, n in enumerate(action.names)},
         **plan_facts(plan),
     }
-    if policy is not None:  # beside its plan, which can then be played where the policy is not
-        made = policy_artifact(policy)
+    if asked.policy is not None:  # beside its plan, which can then be played where the policy is not
+        made = policy_artifact(asked.policy)
         write_policy(folder, read_policy(made.path))
         config = made.manifest["config"]
         facts["policy"] = {"sha256": made.digest, "simulator": config["simulator"], "task": config["task"]}

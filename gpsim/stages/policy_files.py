@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +13,7 @@ from numpy.typing import NDArray
 
 from gpsim.artifacts import Artifact, read_artifact
 from gpsim.channels import Channels
-from gpsim.corrected import (
-    CommandFilter,
-    Feature,
-    Features,
-    FunctionCorrection,
-    GpCorrection,
-    Prediction,
-)
+from gpsim.corrected import CommandFilter, Feature, Features, FunctionCorrection, GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.files import plain, read_object, write_json
 
@@ -65,20 +59,15 @@ def survival_lines(folder: Path) -> list[str]:
 
 
 def _facts(explanation: Drawable, total: float) -> dict[str, Any]:
-    terms = explanation.plant.terms
+    effects, sizes = (
+        [f"{term.family} on {term.on}" for term in explanation.plant.terms],
+        explanation.spread.sizes,
+    )
     return {
         "share_of_episodes": explanation.probability / total,
-        "effects": [f"{term.family} on {term.on}" for term in terms],
+        "effects": effects,
         "level": explanation.spread.level,
-        "sizes": [
-            {
-                "of": f"{terms[s.term].family} on {terms[s.term].on}",
-                "name": s.name,
-                "low": s.low,
-                "high": s.high,
-            }
-            for s in explanation.spread.sizes
-        ],
+        "sizes": [{"of": effects[s.term], "name": s.name, "low": s.low, "high": s.high} for s in sizes],
         "function_of_the_rest": isinstance(explanation.plant.correction, FunctionCorrection),
     }
 
@@ -103,12 +92,8 @@ def read_policy(folder: Path) -> Policy:
     from gpsim.policies import Policy  # here, as what else not every file needs: it takes a while to load
 
     arrays, metadata = _read(folder, "policy")
-    try:
+    with _readable(folder, "policy"):
         return Policy.from_arrays(arrays, metadata)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(
-            f"{folder}: not a policy that this version reads: {type(error).__name__}: {error}"
-        ) from error
 
 
 def write_gp(
@@ -141,12 +126,8 @@ def read_gp(folder: Path, channels: Channels) -> tuple[Predictor, Features]:
     from gpsim.gp import from_arrays
 
     arrays, metadata = _read(folder, "gp")
-    try:
+    with _readable(folder, "Gaussian process"):
         predictor, inputs = from_arrays(arrays, metadata), metadata["inputs"]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(
-            f"{folder}: not a Gaussian process that this version reads: {type(error).__name__}: {error}"
-        ) from error
     if "features" in metadata:  # earlier versions wrote texts alone
         inputs = [Feature.from_json(item) for item in metadata["features"]]
     return predictor, Features.of(inputs, channels)
@@ -171,20 +152,31 @@ def read_gp_correction(
     return GpCorrection(predictor, dataclasses.replace(features, wraps=wraps), prediction, sample_noise)
 
 
+@contextmanager
+def _readable(folder: Path, what: str) -> Iterator[None]:
+    """Within it what the files do not hold, or hold otherwise, is one line."""
+    try:
+        yield
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        said = f"{type(error).__name__}: {error}"
+        raise UsageError(f"{folder}: not a {what} that this version reads: {said}") from error
+
+
 def write_curve(folder: Path, curve: LearningCurve) -> None:
     """learning_curve.csv."""
-    import pandas as pd
-
-    frame = pd.DataFrame({"steps": curve.steps, "mean_return": curve.mean_return, "episodes": curve.episodes})
-    frame.to_csv(folder / "learning_curve.csv", index=False, lineterminator="\n")
+    rows = {"steps": curve.steps, "mean_return": curve.mean_return, "episodes": curve.episodes}
+    _write_table(folder / "learning_curve.csv", rows)
 
 
 def write_checkpoints(folder: Path, checkpoints: Checkpoints) -> None:
     """checkpoints.csv."""
+    _write_table(folder / "checkpoints.csv", dataclasses.asdict(checkpoints))
+
+
+def _write_table(path: Path, columns: Mapping[str, Any]) -> None:
     import pandas as pd
 
-    frame = pd.DataFrame(dataclasses.asdict(checkpoints))
-    frame.to_csv(folder / "checkpoints.csv", index=False, lineterminator="\n")
+    pd.DataFrame(columns).to_csv(path, index=False, lineterminator="\n")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -26,35 +26,30 @@ from gpsim.stages.stage import Request, Stage, stage_about
 from gpsim.tasks import Balance, Task
 
 SETTINGS = (
-    "simulator",
-    "target",
-    "task",
-    "policy",
-    "collect",
-    "residuals",
-    "gp",
-    "sample_noise",
-    "randomise",
-    "evaluate",
-)
+    "simulator", "target", "task", "policy", "collect", "residuals", "gp", "sample_noise", "randomise", "evaluate",
+)  # fmt: skip
 Curve = tuple[FloatArray, FloatArray]
 GIVEN = ("recording", "diagnosis")
 
 
-def stage_for(seeds: tuple[int, ...]) -> Stage:
-    """The report over these seeds, as a stage."""
-    return stage_about("report", _recipe, lambda *of: _written(gather(of[0], of[2]), of[1]), seeds, format=1)
+def stage_for(seeds: tuple[int, ...], shown: list[LoopReport] | None = None) -> Stage:
+    """The report over these seeds, as a stage; what it shows is added to `shown` when it is made."""
+
+    def write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
+        report = gather(request, seeds)
+        write_json(folder / "summary.json", plain(report.summary))
+        (folder / "report.html").write_text(render(report), encoding="utf-8")
+        if shown is not None:
+            shown.append(report)
+        return {}
+
+    return stage_about("report", _recipe, write, seeds, format=1)
 
 
 def made(request: Request, seeds: tuple[int, ...]) -> tuple[Artifact, LoopReport]:
     """The report over these seeds, made or found, and what it shows, which is gathered once."""
     shown: list[LoopReport] = []
-
-    def write(request: Request, folder: Path, seeds: tuple[int, ...]) -> Json:
-        shown.append(gather(request, seeds))
-        return _written(shown[0], folder)
-
-    artifact, _ = stage_about("report", _recipe, write, seeds, format=1).make(request)
+    artifact, _ = stage_for(seeds, shown).make(request)
     return artifact, shown[0] if shown else gather(request, seeds)
 
 
@@ -66,12 +61,6 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
     # The page prints the command: what is printed is part of what it is made from.
     config = {**settings_of(request), "command": command_of(request, seeds)}
     return Recipe("report", config, parents, {"seeds": list(seeds)})
-
-
-def _written(report: LoopReport, folder: Path) -> Json:
-    write_json(folder / "summary.json", plain(report.summary))
-    (folder / "report.html").write_text(render(report), encoding="utf-8")
-    return {}
 
 
 def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
@@ -91,13 +80,11 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     for name in policies:
         stage, settings = train_gp_policy.TRAINED_BY[name]
         parts = [stage.need(r.having(**settings)).path / "learning_curve.csv" for r in requests.values()]
-        tables = [pd.read_csv(path) for path in parts]
-        curves[name] = [(_column(table, "steps"), _column(table, "mean_return")) for table in tables]
+        tables = [pd.read_csv(path)[["steps", "mean_return"]].to_numpy(dtype=np.float64) for path in parts]
+        curves[name] = [(table[:, 0], table[:, 1]) for table in tables]
     paths = load_file(evaluated[seeds[0]].path / "rollouts.safetensors")
-    limits = {
-        "theta": request.config["task"].get("angle_limit"),
-        "x": request.config["task"].get("position_limit"),
-    }
+    section = request.config["task"]
+    limits = {"theta": section.get("angle_limit"), "x": section.get("position_limit")}
     residuals = build_residuals.read_residuals(build_residuals.STAGE.need(first))
     correction = train_gp_policy.corrected_plant(first, fit_gp.STAGE.need(first).path).correction
     assert isinstance(correction, GpCorrection)
@@ -172,12 +159,11 @@ def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
         part: {name: np.stack([found[part][name] for found, _ in read]) for name in read[0][0][part]}
         for part in ("reached", "steps", "path")
     }
+    paths = dict(load_file(evaluated[0].path / certify.PATHS))  # of the goal, on the target, in the simulator
     return TripReport(
         **parts,
         behind=read[0][1],
-        paths=dict(
-            load_file(evaluated[0].path / certify.PATHS)
-        ),  # of the goal, on the target, in the simulator
+        paths=paths,
         goal_radius=task.goal_radius,
         arena=task.arena,
         floor=task.floor,
@@ -222,10 +208,6 @@ def artifacts_of(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, in
     return found
 
 
-def _column(table: pd.DataFrame, name: str) -> FloatArray:
-    return table[name].to_numpy(dtype=np.float64)
-
-
 def told_by_diagnoses(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
     """Of each seed what its diagnosis names; one that was given for all of them is told once."""
     found = {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
@@ -235,12 +217,8 @@ def told_by_diagnoses(requests: Mapping[int, Request]) -> Mapping[int, list[str]
 
 def command_of(request: Request, seeds: tuple[int, ...]) -> str:
     """What makes the report again, wherever its artifacts lie."""
-    given = [
-        word
-        for word in request.words
-        if word.partition("=")[0].lstrip("+") not in ("seed", "runs_dir", "track")
-    ]
-    words = [shlex.quote(word) for word in given]
+    apart = ("seed", "runs_dir", "track")
+    words = [shlex.quote(w) for w in request.words if w.partition("=")[0].lstrip("+") not in apart]
     start = [f"seed={seeds[0]}"] if seeds[0] else []
     several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
     return " ".join(["gpsim run full-loop", *words, *start, *several])

@@ -3,47 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_manifest
+from gpsim import runs
+from gpsim.artifacts import MANIFEST, Artifact, Leftover, Recipe, read_manifest
 from gpsim.errors import UsageError
 from gpsim.reports.runs_text import says
-from gpsim.runs import (
-    ABSENT,
-    Beside,
-    Catalogue,
-    Compared,
-    Difference,
-    Entry,
-    Listed,
-    Listing,
-    LoopStatus,
-    Making,
-    Parent,
-    Removal,
-    Removed,
-    Shown,
-    Standing,
-    children,
-    collect_garbage,
-    compared,
-    dependents,
-    entry_at,
-    figures_of,
-    garbage,
-    named,
-    nearest,
-    parents,
-    read_catalogue,
-    removal_of,
-    remove,
-    size_of,
-)
-from gpsim.stages import diagnose_loop, fleet, full_loop, grid, import_log, report
+from gpsim.runs import Catalogue, Difference, Entry, LoopStatus, Making, Standing, entry_at, read_catalogue
+from gpsim.stages import diagnose_loop, fleet, full_loop, import_log, report
 from gpsim.stages.registry import STAGES
 from gpsim.stages.stage import LATER, NOT_MADE, RELEASE, NotMadeError, Request, Stage
 
@@ -57,93 +27,96 @@ def todays_code() -> Code:
     stages = [*STAGES.values(), report.stage_for((0,)), diagnose_loop.score_stage(nowhere, nowhere)]
     return {stage.name: (stage.format, stage.code) for stage in stages} | {
         import_log.STAGE_NAME: (1, ""),
-        grid.STAGE_NAME: (grid.FORMAT, RELEASE),
+        full_loop.SWEEP: (full_loop.FORMAT, RELEASE),
         fleet.STAGE_NAME: (fleet.FORMAT, RELEASE),
     }
 
 
 def list_runs(
     runs_dir: Path, experiment: str | None = None, stage: str | None = None, verify: bool = False
-) -> Listing:
+) -> runs.Listing:
     """Every artifact, or those of an experiment or a stage; verify: every byte is looked at."""
     catalogue, code = read_catalogue(runs_dir, verify=verify), todays_code()
     chosen = [e for e in catalogue.entries if experiment in (None, e.experiment) and stage in (None, e.stage)]
     order = {name: place for place, name in enumerate(code)}
     chosen.sort(key=lambda e: (e.experiment or "~", order.get(e.stage, len(order)), e.age_key))
     beside = _beside(catalogue.leftovers) if experiment is None and stage is None else ()
-    return Listing(str(runs_dir), tuple(_listed(catalogue, entry, code) for entry in chosen), beside)
+    return runs.Listing(str(runs_dir), tuple(_listed(catalogue, entry, code) for entry in chosen), beside)
 
 
-def show_run(runs_dir: Path, word: str, beside: Sequence[Path] = ()) -> Shown:
+def show_run(runs_dir: Path, word: str, beside: Sequence[Path] = ()) -> runs.Shown:
     """One artifact: what it is made from, by what, and what was made of it."""
     catalogue = read_catalogue(runs_dir, _places([word], beside))
-    entry = named(catalogue, word)
+    entry = runs.named(catalogue, word)
     verified = entry_at(entry.path, runs_dir, verify=True)
     listed = _listed(catalogue, entry, todays_code())
     if verified.damage is not None and listed.damage is None:
         listed = replace(listed, state="broken", damage=verified.damage)
     names = entry.manifest.get("files", {})
-    return Shown(
+    return runs.Shown(
         artifact=listed,
         sha256=entry.artifact.digest if entry.artifact is not None else None,
         config=entry.manifest.get("config", {}),
         parents=tuple(
-            Parent(need.role, need.stage, need.digest, parent.name if parent is not None else None)
-            for need, parent in parents(catalogue, entry)
+            runs.Parent(need.role, need.stage, need.digest, parent.name if parent is not None else None)
+            for need, parent in runs.parents(catalogue, entry)
         ),
-        children=tuple(child.name for child in children(catalogue, entry)),
-        dependents=len(dependents(catalogue, [entry.path])),
-        figures=figures_of(entry.path),
+        children=tuple(child.name for child in runs.children(catalogue, entry)),
+        dependents=len(runs.dependents(catalogue, [entry.path])),
+        figures=runs.figures_of(entry.path),
         packages=entry.manifest.get("packages", {}),
         commit=entry.manifest.get("git_commit"),
-        files={name: size_of(path) for name in names if (path := entry.path / name).is_file()},
+        files={name: runs.size_of(path) for name in names if (path := entry.path / name).is_file()},
     )
 
 
-def compare_runs(runs_dir: Path, old: str, new: str, beside: Sequence[Path] = ()) -> Compared:
+def compare_runs(runs_dir: Path, old: str, new: str, beside: Sequence[Path] = ()) -> runs.Compared:
     """How two artifacts differ: configuration, files, seeds, parents, code, packages, figures, content."""
     catalogue = read_catalogue(runs_dir, _places([old, new], beside))
-    one, other = named(catalogue, old), named(catalogue, new)
+    one, other = runs.named(catalogue, old), runs.named(catalogue, new)
     for entry in (one, other):
         if entry.artifact is None:
             raise UsageError(str(entry.damage))
-    return Compared(one.name, other.name, compared(catalogue, one, other))
+    return runs.Compared(one.name, other.name, runs.compared(catalogue, one, other))
+
+
+@dataclass(frozen=True)
+class Planned:
+    """What would go, as it is told, and what removes it: that returns what went, and raises UsageError."""
+
+    told: runs.Removed
+    go: Callable[[], runs.Removal]
 
 
 def plan_removal(
-    runs_dir: Path, words: Sequence[str], with_dependents: bool = False, beside: Sequence[Path] = ()
-) -> tuple[Catalogue, Removal]:
-    """What `rm` would remove; raises UsageError where something else needs one of them."""
-    catalogue = read_catalogue(runs_dir, _places(words, beside))
-    asked = {entry.path: entry for entry in (named(catalogue, word) for word in words)}
-    return catalogue, removal_of(catalogue, list(asked.values()), with_dependents)
+    runs_dir: Path,
+    words: Sequence[str],
+    with_dependents: bool = False,
+    dry_run: bool = False,
+    beside: Sequence[Path] = (),
+) -> Planned:
+    """Of `rm`; raises UsageError where something else needs one of them."""
+    places = _places(words, beside)
+    catalogue = read_catalogue(runs_dir, places)
+    asked = {entry.path: entry for entry in (runs.named(catalogue, word) for word in words)}
+    removal = runs.removal_of(catalogue, list(asked.values()), with_dependents)
+    return Planned(_told(catalogue, removal, dry_run), lambda: runs.remove(catalogue, removal, places))
 
 
 def plan_gc(
-    runs_dir: Path, keep: int | None = None, beside: Sequence[Path] = ()
-) -> tuple[Catalogue, Removal]:
-    """What `gc` would remove."""
+    runs_dir: Path, keep: int | None = None, dry_run: bool = False, beside: Sequence[Path] = ()
+) -> Planned:
+    """Of `gc`, which leaves out what something is being made of."""
     catalogue = read_catalogue(runs_dir, beside)
-    return catalogue, garbage(catalogue, keep)
+    told = _told(catalogue, runs.garbage(catalogue, keep), dry_run)
+    return Planned(told, lambda: runs.collect_garbage(runs_dir, keep, beside))
 
 
-def would_go(catalogue: Catalogue, removal: Removal, dry_run: bool = True) -> Removed:
-    """A removal as plain data; before it is done, as what it says is read from the disk."""
+def _told(catalogue: Catalogue, removal: runs.Removal, dry_run: bool) -> runs.Removed:
+    """Before it is done, as what it says is read from the disk."""
     code = todays_code()
     entries = tuple(_listed(catalogue, entry, code) for entry in removal.entries)
-    return Removed(entries, _beside(removal.leftovers), removal.bytes, dry_run)
-
-
-def do_removal(
-    catalogue: Catalogue, removal: Removal, words: Sequence[str], beside: Sequence[Path] = ()
-) -> None:
-    """Remove what `plan_removal` said; raises UsageError where something was or is being made of it."""
-    remove(catalogue, removal, _places(words, beside))
-
-
-def do_gc(runs_dir: Path, keep: int | None = None, beside: Sequence[Path] = ()) -> Removal:
-    """Remove what `plan_gc` says, without what something is being made of; returns what went."""
-    return collect_garbage(runs_dir, keep, beside)
+    return runs.Removed(entries, _beside(removal.leftovers), removal.bytes, dry_run)
 
 
 def _places(words: Sequence[str], beside: Sequence[Path]) -> list[Path]:
@@ -154,20 +127,20 @@ def _places(words: Sequence[str], beside: Sequence[Path]) -> list[Path]:
     return [*beside, *(Path(word) for word in words if (Path(word) / MANIFEST).is_file())]
 
 
-def _beside(leftovers: Iterable[Any]) -> tuple[Beside, ...]:
-    return tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in leftovers)
+def _beside(leftovers: Sequence[Leftover]) -> tuple[runs.Beside, ...]:
+    return tuple(runs.Beside(str(x.path), x.kind, runs.size_of(x.path)) for x in leftovers)
 
 
-def _listed(catalogue: Catalogue, entry: Entry, code: Code) -> Listed:
+def _listed(catalogue: Catalogue, entry: Entry, code: Code) -> runs.Listed:
     why = _why_stale(catalogue, entry, code)
     seconds = entry.timings.get("seconds")
-    return Listed(
+    return runs.Listed(
         name=entry.name,
         path=str(entry.path),
         experiment=entry.experiment,
         stage=entry.stage,
         state="broken" if not entry.whole else "stale" if why else "finished",
-        says=says(entry.stage, figures_of(entry.path), entry.manifest.get("config", {}), entry.timings),
+        says=says(entry.stage, runs.figures_of(entry.path), entry.manifest.get("config", {}), entry.timings),
         made=entry.made,
         seconds=float(seconds) if isinstance(seconds, int | float) else None,
         bytes=entry.bytes,
@@ -182,21 +155,21 @@ def _why_stale(catalogue: Catalogue, entry: Entry, code: Code) -> tuple[Differen
     if not entry.whole:
         return ()
     gone = [
-        Difference("parent", need.role, need.path or f"{need.stage} {str(need.digest)[:12]}", ABSENT)
-        for need, parent in parents(catalogue, entry)
+        Difference("parent", need.role, need.path or f"{need.stage} {str(need.digest)[:12]}", runs.ABSENT)
+        for need, parent in runs.parents(catalogue, entry)
         if parent is None
     ]
     made = (entry.manifest.get("format", 1), entry.manifest.get("code", ""))
-    today = code.get(entry.stage, made)
-    keys = zip(("format", "code"), made, today, strict=True)
+    keys = zip(("format", "code"), made, code.get(entry.stage, made), strict=True)
     return (*(Difference("code", key, old, new) for key, old, new in keys if old != new), *gone)
 
 
 def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
     """The loop and its report, artifact by artifact; raises UsageError for settings that the loop refuses."""
     found: dict[str, Standing] = {}
-
-    def stand(stage: Stage, asked: Request, label: str, after: Sequence[str]) -> None:
+    plan = [(STAGES[job.stage], job.request, job.label, job.after) for job in full_loop.plan(request, seeds)]
+    every = tuple(label for _, _, label, _ in plan)
+    for stage, asked, label, after in [*plan, (report.stage_for(seeds), request, "report", every)]:
         try:
             standing = standing_of(stage, asked, label)
         except UsageError as error:  # one artifact that is damaged is no reason to say nothing of the others
@@ -204,10 +177,6 @@ def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
         missing = tuple(before for before in after if found[before].state != "there")
         waits = standing.state == "waits" and missing
         found[label] = replace(standing, waits_for=missing) if waits else standing
-
-    for job in full_loop.plan(request, seeds):
-        stand(STAGES[job.stage], job.request, job.label, job.after)
-    stand(report.stage_for(seeds), request, "report", list(found))
     several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
     return LoopStatus(
         experiment=str(request.config["experiment"]),
@@ -243,8 +212,8 @@ def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standi
     entries = [entry_at(path, request.store.root) for path in request.store.versions(recipe.stage)]
     entries.sort(key=lambda entry: entry.age_key, reverse=True)
     whole = [entry.artifact for entry in entries if entry.artifact is not None]
-    made = [(artifact, _completed(Making.of(artifact))) for artifact in whole]
-    found = nearest(made, _completed(Making.asked(recipe)))
+    made = [(artifact, _completed(runs.made_from(artifact))) for artifact in whole]
+    found = runs.nearest(made, _completed(runs.asked_of(recipe)))
     if found is None:
         return known
     artifact, differing = found
@@ -261,18 +230,16 @@ def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standi
 
 def _completed(making: Making) -> Making:
     """With the settings that recipes leave out at the value that they had before they were settings."""
-    config = {key: {**LATER[key], **part} if key in LATER else part for key, part in making.config.items()}
-    return replace(making, config=config)
+    config = {k: {**LATER[k], **part} if k in LATER else part for k, part in making["setting"].items()}
+    return {**making, "setting": config}
 
 
 def _place(artifact: Artifact, role: str) -> str:
     """Where a finished artifact's parent lies; its stage and digest where that is no longer there."""
     parent = artifact.manifest["parents"][role]
-    for need in entry_at(artifact.path, artifact.path.parent).needs:
-        if need.role == role and need.path is not None:
-            try:
-                if read_manifest(Path(need.path)).digest == need.digest:
-                    return need.path
-            except UsageError:
-                break
+    needs = entry_at(artifact.path, artifact.path.parent).needs
+    for path, digest in ((need.path, need.digest) for need in needs if need.role == role):
+        with suppress(UsageError):
+            if path is not None and read_manifest(Path(path)).digest == digest:
+                return path
     return f"{parent['stage']} {parent['sha256'][:12]}"

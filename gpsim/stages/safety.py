@@ -9,21 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from gpsim import evaluation
 from gpsim.artifacts import Artifact, read_artifact
 from gpsim.channels import Channels, FloatArray
 from gpsim.environments import Act, policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import (
-    NEVER,
-    ChangingPlant,
-    Drives,
-    Limits,
-    Monitor,
-    MonitorSettings,
-    Usual,
-    drive,
-    usual_errors,
-)
+from gpsim.evaluation import NEVER, Drives, Limits, Monitor, MonitorSettings, Usual
 from gpsim.recordings import Episode, Recording, gaps, read_recording
 from gpsim.residuals import either_wraps, first_held_out, holding_out
 from gpsim.settings import build, choice, number, positive, truth
@@ -112,17 +103,11 @@ def _by_gp(request: Request) -> bool:
 def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
     """What is held out of these episodes; whole ones where nothing is held out of them."""
     held, out = first_held_out(recording), []
-    for episode, begins in ((recording.episodes[i], int(held[i])) for i in numbers):
-        first = begins if begins < len(episode.t) else 0
-        if first < len(episode):
-            out.append(
-                replace(
-                    episode,
-                    t=episode.t[first:],
-                    states=episode.states[first:],
-                    actions=episode.actions[first:],
-                )
-            )
+    for i in numbers:
+        e, first = recording.episodes[i], int(held[i])
+        first = first if first < len(e.t) else 0
+        if first < len(e):
+            out.append(replace(e, t=e.t[first:], states=e.states[first:], actions=e.actions[first:]))
     return out
 
 
@@ -135,7 +120,9 @@ def usual_of(request: Request, plant: Plant) -> Usual:
     channels = either_wraps(plant.state, recording.state)
     noise = _noise(request.config["deploy"]["noise"], plant.state)
     rng = generator(request.seed, "deploy/usual")
-    return usual_errors(plant, held or recording.episodes, channels, noise, settings_of(request), rng)
+    return evaluation.usual_errors(
+        plant, held or recording.episodes, channels, noise, settings_of(request), rng
+    )
 
 
 def monitor_of(request: Request, purpose: str) -> Monitor:
@@ -157,14 +144,14 @@ def safe_deployment(request: Request, policy: Artifact) -> dict[str, Any]:
     count, at = int(section["runs"]), round(float(section["change_at"]) / target.dt)
     changed: dict[str, Any] | None = None
     if section["change"]:
-        plant = ChangingPlant(target, changed_target(request), at)
-        found = drive(
+        plant = evaluation.ChangingPlant(target, changed_target(request), at)
+        found = evaluation.drive(
             plant, task, act, monitor, limits, count=count, steps=task.max_steps, endless=False,
             rng=generator(request.start_seed, "deploy/changed"), fallback=fallback,
         )  # fmt: skip
         changed = _changed(found, at, target.dt)
     steps = round(settings.minutes * 60.0 / target.dt)
-    found = drive(
+    found = evaluation.drive(
         target, task, act, monitor, limits, count=count, steps=steps, endless=True,
         rng=generator(request.start_seed, "deploy/unchanged"),
     )  # fmt: skip

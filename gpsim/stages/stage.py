@@ -17,7 +17,7 @@ import numpy as np
 import gpsim
 from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import Terminated, UsageError
-from gpsim.files import Json
+from gpsim.files import Json, written_whole
 from gpsim.mjcf import files_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
@@ -205,7 +205,7 @@ class Stage:
         found = request.store.find(self.keyed(request))
         if found is not None:
             return found
-        shelf, command = request.store.root / request.store.experiment / self.name, self.command(request)
+        shelf, command = request.store.shelf(self.name), self.command(request)
         if request.planned:
             return Artifact(shelf, {"stage": self.name, "key": NOT_MADE, "config": {}}, NOT_MADE)
         raise NotMadeError(
@@ -254,6 +254,17 @@ def new_place(out: Path) -> None:
         raise UsageError(f"{out}: exists already; choose another --out")
     if not out.parent.is_dir():
         raise UsageError(f"{out.parent}: no such folder; make it first")
+
+
+@contextmanager
+def written_new(out: Path, ending: str = "") -> Iterator[Path]:
+    """A name to write at, which becomes the new `out`; raises UsageError where that is there, or cannot be written."""
+    new_place(out)
+    try:
+        with written_whole(out, ending) as made:
+            yield made
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
 
 
 def derived_seed(seed: int, purpose: str) -> int:

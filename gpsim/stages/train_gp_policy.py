@@ -6,21 +6,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from gpsim import corrected
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.corrected import (
-    PREDICTIONS,
-    CorrectedPlant,
-    EffectsPlant,
-    FunctionCorrection,
-    GpCorrection,
-    PosteriorPlant,
-)
+from gpsim.corrected import PREDICTIONS, CorrectedPlant, EffectsPlant, GpCorrection, PosteriorPlant
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import DrawnFunctions
 from gpsim.gymtasks import GymTask
 from gpsim.policies.training.settings import TRAINING_FORMAT
-from gpsim.settings import choice, texts
+from gpsim.settings import choice, texts, truth
 from gpsim.simulators import Plant, SimulatorPlant
 from gpsim.stages import fit_gp, train_source
 from gpsim.stages.build_residuals import other_settings
@@ -58,13 +52,13 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     request = _settled(request)
-    task, correction, prediction = (
-        make_task(request.config), request.config["correction"], request.config["prediction"],
-    )  # fmt: skip
+    task = make_task(request.config)
+    correction, prediction = request.config["correction"], request.config["prediction"]
+    of = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[str(correction)]
+    purpose = f"train-gp-policy/posterior/{correction}" if robust(request) else f"train-gp-policy/{of}"
+    events = train_source.events_of(request, recipe, purpose)
     if robust(request):  # in draws of the posterior; beside the policy stands what it was trained to survive
         drawn = posterior_plant(request, recipe.parents["diagnosis"])
-        purpose = f"train-gp-policy/posterior/{correction}"
-        events = train_source.events_of(request, recipe, purpose)
         made = train(request, drawn, task, purpose, folder, None, events)
         write_survives(folder, drawn)
         return made
@@ -74,9 +68,6 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             return corrected_plant(request, recipe.parents["gp"].path)
         return effects_plant(request, recipe.parents["diagnosis"])
 
-    of = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
-    purpose = f"train-gp-policy/{of}"
-    events = train_source.events_of(request, recipe, purpose)
     expected = plant(request.having(prediction="mean"))
     return train(request, plant(request), task, purpose, folder, expected, events)
 
@@ -153,7 +144,9 @@ def posterior_plant(request: Request, diagnosis: Artifact) -> PosteriorPlant:
         return drawn
     rng = generator(request.seed, "train-gp-policy/functions")
     functions = DrawnFunctions(correction.correction.predictor, FUNCTIONS, rng)
-    with_gp = replace(first.plant, correction=FunctionCorrection(functions, correction.correction.features))
+    with_gp = replace(
+        first.plant, correction=corrected.FunctionCorrection(functions, correction.correction.features)
+    )
     return PosteriorPlant((replace(first, plant=with_gp), *drawn.explanations[1:]))
 
 
@@ -188,10 +181,7 @@ def _check_fits(plant: EffectsPlant, base: SimulatorPlant, where: Path) -> None:
 
 
 def _noise(request: Request) -> bool:
-    noise = request.config["sample_noise"]
-    if not isinstance(noise, bool):
-        raise UsageError(f"sample_noise: expected true or false, got {noise!r}")
-    return noise
+    return truth(request.config["sample_noise"], "sample_noise")
 
 
 STAGE = Stage(

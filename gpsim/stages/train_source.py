@@ -17,22 +17,11 @@ from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors
 from gpsim.policies import Expert
-from gpsim.policies.training.settings import (
-    TRAINING_FORMAT,
-    PpoSettings,
-    SacSettings,
-    observation_scale,
-)
+from gpsim.policies.training.settings import TRAINING_FORMAT, PpoSettings, SacSettings, observation_scale
 from gpsim.settings import choice
 from gpsim.simulators import Plant
-from gpsim.stages.building import (
-    base_plant,
-    expert_search,
-    make_task,
-    randomised_plant,
-    target_plant,
-    training_settings,
-)
+from gpsim.stages import building
+from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.policy_files import write_checkpoints, write_curve, write_policy
 from gpsim.stages.stage import IN_NUMBERS, Request, Stage, derived_seed
 from gpsim.tasks import Task
@@ -62,7 +51,7 @@ def events_of(request: Request, recipe: Recipe, purpose: str) -> Path | None:
     if not tracks(request):
         return None
     name = f"{purpose.replace('/', '-')}-seed{request.seed}-{recipe.key[:8]}"
-    folder = request.store.root / request.store.experiment / FOLDER / name
+    folder = request.store.shelf(FOLDER) / name
     with disk_errors(folder):
         for earlier in folder.rglob("events.out.tfevents.*"):
             earlier.unlink()
@@ -74,50 +63,47 @@ def tracking_remarks(request: Request) -> list[str]:
     """Where event files lie and how they are looked at."""
     if not tracks(request):
         return []
-    place = request.store.root / request.store.experiment / FOLDER
-    return [f"event files of what was trained: tensorboard --logdir {place}"]
+    return [f"event files of what was trained: tensorboard --logdir {request.store.shelf(FOLDER)}"]
 
 
-VARIANTS = ("source", "randomised", "target")
-# Environment steps that a round of expert iteration takes as long as: a scale for the progress.
+VARIANTS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Plant], tuple[str, ...]]] = {
+    "source": (base_plant, ()),
+    "randomised": (building.randomised_plant, ("randomise",)),
+    "target": (building.target_plant, ("target",)),
+}
+"""What a policy is trained in, and the settings that this rests on beside those of all."""
 ROUND = 60_000
-_EXTRA = {"source": (), "randomised": ("randomise",), "target": ("target",)}
+"""Environment steps that a round of expert iteration takes as long as: a scale for the progress."""
 
 
 def recipe(request: Request) -> Recipe:
     """Everything the policy depends on; only the target variant depends on the target."""
-    variant = choice(request.config["variant"], VARIANTS, "variant")
-    config = request.section("variant", "simulator", "task", "policy", *_EXTRA[variant])
+    variant = choice(request.config["variant"], tuple(VARIANTS), "variant")
+    config = request.section("variant", "simulator", "task", "policy", *VARIANTS[variant][1])
     return Recipe("train-source", config, {}, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     variant = str(recipe.config["variant"])
-    plants: dict[str, Callable[[Mapping[str, Any]], Plant]] = {
-        "source": base_plant,
-        "randomised": randomised_plant,
-        "target": target_plant,
-    }
-    task = make_task(request.config)
+    plant, task = VARIANTS[variant][0](request.config), make_task(request.config)
     if variant == "target":
         task = task.on_target()
     model = base_plant(request.config) if variant == "randomised" else None  # the middle of what is drawn
     purpose = f"train-source/{variant}"
-    events = events_of(request, recipe, purpose)
-    return train(request, plants[variant](request.config), task, purpose, folder, model, events)
+    return train(request, plant, task, purpose, folder, model, events_of(request, recipe, purpose))
 
 
 def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
     """The algorithm and its hyper-parameters; raises UsageError for those that do not go with the task."""
-    settings = training_settings(request.config)
+    settings = building.training_settings(request.config)
     discrete = isinstance(task.action_space, Discrete)
     if discrete != isinstance(settings, PpoSettings):
         kind, fits = ("discrete", "ppo") if discrete else ("continuous", "sac")
         raise UsageError(f"policy: this task's actions are {kind}; choose policy={fits}")
     observation_scale(task.observation_space, settings.observation_scale)
     if isinstance(settings, PpoSettings) and settings.expert_rounds:
-        expert_search(request.config, settings.expert_width)
+        building.expert_search(request.config, settings.expert_width)
     return settings
 
 
@@ -158,18 +144,15 @@ def train(
                 """The critic's word for what lies behind the expert's horizon."""
                 return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
 
-            ahead = expert_search(request.config, settings.expert_width)
+            ahead = building.expert_search(request.config, settings.expert_width)
             expert = Expert(model or plant, task, ahead, settings.expert_horizon, worth)
             begun = settings.total_steps
-            policy, checkpoints = improved(
-                policy,
-                plant,
-                expert,
-                settings,
-                search,
-                lambda turn, _, said: told(begun + turn * ROUND, 0, said),
-                events / "expert" if events is not None else None,
-            )
+            apart = events / "expert" if events is not None else None
+
+            def rounds(turn: int, _: int, said: str) -> None:
+                told(begun + turn * ROUND, 0, said)
+
+            policy, checkpoints = improved(policy, plant, expert, settings, search, rounds, apart)
             write_checkpoints(folder, checkpoints)
     else:
         env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis import Outcome, diagnose
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known
 from gpsim.effects import PLACE, Brought, Check, Place, Term, tried
@@ -39,12 +39,8 @@ class Recovered:
     @property
     def right(self) -> bool:
         """Whether it is named alone, with sizes near the truth."""
-        return (
-            self.verdict == "named"
-            and len(self.said) == 1
-            and bool(self.sizes)
-            and all(abs(found - true) <= NEAR * abs(true) for true, found in self.sizes.values())
-        )
+        near = [abs(found - true) <= NEAR * abs(true) for true, found in self.sizes.values()]
+        return self.verdict == "named" and len(self.said) == 1 and bool(near) and all(near)
 
     @property
     def confusable(self) -> bool:
@@ -72,38 +68,30 @@ def world_with(
 ) -> tuple[Recording, dict[str, float]]:
     """A recording of the simulator with the effect, as strong as a fit of it starts, and those sizes."""
     values = {p.name: p.starts[0] for p in brought.effect.parameters(Place(on, "1"))}
-    term = Term(brought.effect.family, on, values)
-    return made(simulator, simulator.defaults(), term, np.random.default_rng(seed)), values
+    return made(simulator, Term(brought.effect.family, on, values), np.random.default_rng(seed)), values
 
 
 def recovered(brought: Brought, simulator: Simulator, on: str, seed: int) -> Recovered:
     """Make a world with the effect, diagnose it with and without asking for it."""
-    family, parameters = brought.effect.family, simulator.defaults()
+    family = brought.effect.family
     recording, values = world_with(brought, simulator, on, seed)
-    found = _asked(recording, simulator, parameters, Known(also=(family,)), seed).diagnosis
-    without = _asked(recording, simulator, parameters, Known(), seed).diagnosis
-    sizes = {
-        name: (values[name], effect.parameters[name].value)
-        for effect in found.effects
-        if effect.family == family
-        for name in values
-    }
-    share = without.explained.rollout
-    return Recovered(
-        simulator.name,
-        on,
-        found.verdict,
-        tuple(f"{e.family} on {e.place}" for e in found.effects),
-        sizes,
-        tuple(f"{e.family} on {e.place}" for e in without.effects),
-        0.0 if share is None else share.share,
+    found, without = (
+        diagnose(
+            recording, simulator, simulator.defaults(), np.random.default_rng(seed), run=Run(known=known)
+        ).diagnosis
+        for known in (Known(also=(family,)), Known())
     )
+    mine = [effect for effect in found.effects if effect.family == family]
+    sizes = {name: (values[name], effect.parameters[name].value) for effect in mine for name in values}
+    said, instead = (tuple(f"{e.family} on {e.place}" for e in one.effects) for one in (found, without))
+    share = without.explained.rollout
+    explained = 0.0 if share is None else share.share
+    return Recovered(simulator.name, on, found.verdict, said, sizes, instead, explained)
 
 
-def made(
-    simulator: Simulator, parameters: dict[str, float], term: Term, rng: np.random.Generator
-) -> Recording:
+def made(simulator: Simulator, term: Term, rng: np.random.Generator) -> Recording:
     """A recording of the simulator with one effect: commands of many levels, little noise."""
+    parameters = simulator.defaults()
     plant = EffectsPlant(simulator, parameters, (term,), "fine", 2, DT)
     count, states = EPISODES, len(simulator.state)
     state = 0.3 * rng.normal(size=(count, states))
@@ -127,9 +115,3 @@ def made(
         episodes=tuple(Episode(str(e), t, read[:, e], actions[:, e]) for e in range(count)),
         noise=dict(zip(simulator.state.names, map(float, sd), strict=True)),
     )
-
-
-def _asked(
-    recording: Recording, simulator: Simulator, parameters: dict[str, float], known: Known, seed: int
-) -> Outcome:
-    return diagnose(recording, simulator, parameters, np.random.default_rng(seed), run=Run(known=known))

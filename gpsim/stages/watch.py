@@ -16,7 +16,6 @@ from gpsim.artifacts import read_artifact
 from gpsim.errors import NoDiagnosis, UsageError, near_path
 from gpsim.files import disk_errors, file_digest, plain
 from gpsim.settings import build
-from gpsim.simulators import Simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected, read_left_open
 from gpsim.stages.fleet import recordings_in
 from gpsim.stages.stage import blamed
@@ -31,7 +30,7 @@ WAIT = 5.0
 class Watched:
     """What one recording, or what came to it since the last look, says.
 
-    holds: whether the account does, after it; why: why it says nothing, if so.
+    why: why it says nothing, if so.
     """
 
     recording: str
@@ -45,7 +44,7 @@ class Watched:
 
     @property
     def holds(self) -> bool:
-        """Whether the account holds."""
+        """Whether the account does, after it."""
         return not self.alarms
 
     @property
@@ -57,6 +56,17 @@ class Watched:
     def to_dict(self) -> dict[str, Any]:
         """A line of the log."""
         names = [f"{effect}: {name}" for effect, name in self.parameters]
+        stretches = [
+            {
+                "episode": s.episode,
+                "begin": s.begin,
+                "end": s.end,
+                "explained": s.share,
+                "parameters": dict(zip(names, s.theta.tolist(), strict=True)),
+                "left": dict(s.left),
+            }
+            for s in self.stretches
+        ]
         content: dict[str, Any] = plain(
             {
                 "schema": SCHEMA,
@@ -66,17 +76,7 @@ class Watched:
                 "explained": self.share,
                 "driven": self.driven,
                 "alarms": [asdict(alarm) for alarm in self.alarms],
-                "stretches": [
-                    {
-                        "episode": s.episode,
-                        "begin": s.begin,
-                        "end": s.end,
-                        "explained": s.share,
-                        "parameters": dict(zip(names, s.theta.tolist(), strict=True)),
-                        "left": dict(s.left),
-                    }
-                    for s in self.stretches
-                ],
+                "stretches": stretches,
                 "why": self.why or None,
                 "sums": self.sums,
             }
@@ -91,9 +91,9 @@ class Watched:
         share = "" if self.share is None else f", explains {math.floor(1000 * self.share) / 10:.3g} %"
         if self.holds:
             return f"{self.recording}: holds{share}, {len(self.stretches)} stretches"
-        since = [f"{alarm.since[1]:.4g} s of {alarm.since[0]}" for alarm in self.alarms]
         told = [
-            f"{a.what} {a.was:.3g} -> {a.now:.3g} since {s}" for a, s in zip(self.alarms, since, strict=True)
+            f"{a.what} {a.was:.3g} -> {a.now:.3g} since {a.since[1]:.4g} s of {a.since[0]}"
+            for a in self.alarms
         ]
         return f"{self.recording}: no longer holds{share}; " + "; ".join(told)
 
@@ -106,28 +106,19 @@ class Watch:
     what: Path
     log: Path
     settings: WatchSettings
-    simulator: Simulator | None = None
 
     def __post_init__(self) -> None:
         artifact = read_artifact(self.diagnosis, "diagnose")
         self.name = str(artifact.manifest["config"]["simulator"])
-        corrected = read_corrected(self.diagnosis, simulator=self.simulator)
-        posterior = read_left_open(self.diagnosis)
-        leader = posterior.explanations[0]
-        if not leader.hypothesis.terms:
+        self.account = Account(read_corrected(self.diagnosis), read_left_open(self.diagnosis))
+        if not self.account.hypothesis.terms:
             raise UsageError(f"{self.diagnosis}: names no effect: there is no account to watch")
-        self.account = Account(corrected, posterior)
         self.monitor = Monitor(self.account, self.settings)
         self.seen: dict[str, str] = {}
         self.driven: dict[str, float] = {}
         self.digest, self.holds = artifact.digest, True
-        self._go_on()
-
-    def _go_on(self) -> None:
-        """Take over what an earlier run has written."""
-        if not self.log.is_file():
-            return
-        for number, line in enumerate(self.log.read_text(encoding="utf-8").splitlines(), 1):
+        earlier = self.log.read_text(encoding="utf-8").splitlines() if self.log.is_file() else []
+        for number, line in enumerate(earlier, 1):
             try:
                 said = json.loads(line)
                 same, self.holds = said["diagnosis"] == self.digest, bool(said["holds"])
@@ -162,15 +153,15 @@ class Watch:
             yield said
 
     def _looked(self, name: str, path: Path, digest: str) -> Watched:
-        before, stretches, alarms = self.driven.get(name, 0.0), [], []
-        why = ""
+        before, why = self.driven.get(name, 0.0), ""
+        stretches: list[Stretch] = []
+        alarms: list[Alarm] = []
         try:
             recording, _ = open_recording(Task(path, self.name))
             with blamed(self.name):
                 for stretch in looked_at(self.account, recording, self.settings.stretch, before):
                     stretches.append(stretch)
-                    alarms = self.monitor.see(name, stretch)
-                    if alarms:
+                    if alarms := self.monitor.see(name, stretch):
                         break
         except UsageError as error:
             # Of one among many: it may be half written yet, and is looked at when it changes.
@@ -179,24 +170,17 @@ class Watch:
             why = str(error)
         driven = before + sum(s.seconds for s in stretches)
         driven = self.settings.stretch * round(driven / self.settings.stretch)
-        return Watched(
-            name, digest, tuple(stretches), tuple(alarms), self.account.names, driven, self.monitor.state, why
-        )
+        told = (tuple(stretches), tuple(alarms), self.account.names)
+        return Watched(name, digest, *told, driven, self.monitor.state, why)
 
 
-def watch_of(
-    diagnosis: Path,
-    what: Path,
-    log: Path | None,
-    section: Mapping[str, Any],
-    simulator: Simulator | None = None,
-) -> Watch:
+def watch_of(diagnosis: Path, what: Path, log: Path | None, section: Mapping[str, Any]) -> Watch:
     """A watch under the settings of a section; the log lies beside what is watched unless said otherwise."""
     settings = build(WatchSettings, section, "watch")
     log = log or what.with_name(f"{what.name}.watch.jsonl")
     if log.parent != Path() and not log.parent.is_dir():
         raise UsageError(f"--log {log}: no folder {log.parent}")
-    return Watch(diagnosis, what, log, settings, simulator)
+    return Watch(diagnosis, what, log, settings)
 
 
 def watched(watch: Watch, once: bool, wait: Callable[[float], None] = time.sleep) -> Iterator[Watched]:

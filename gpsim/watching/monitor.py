@@ -91,22 +91,14 @@ def looked_at(
     run = Run(replace(settings, windows=replace(settings.windows, fitted=most)))
     judged = posed(recording, account.plant, None, run)
     problem, origin = judged.question.everything, judged.question.origin
+    windows = problem.windows
     for rows, begin in _stretches(problem, seconds):
-        if begin + 1e-9 < after:
-            continue
-        part = problem.on(problem.windows.take(rows))
-        first, last = rows[0], rows[-1]
-        theta, deviation, share, left = _judged(account, part)
-        yield Stretch(
-            recording.episodes[int(problem.windows.episode[first])].name,
-            float(problem.windows.t[first, 0] + origin),
-            float(problem.windows.t[last, -1] + origin),
-            float(problem.windows.valid[rows].sum() * problem.dt),
-            theta,
-            deviation,
-            share,
-            left,
-        )
+        if begin + 1e-9 >= after:
+            episode = recording.episodes[int(windows.episode[rows[0]])].name
+            ends = (float(windows.t[rows[0], 0] + origin), float(windows.t[rows[-1], -1] + origin))
+            driven = float(windows.valid[rows].sum() * problem.dt)
+            theta, deviation, share, left = _judged(account, problem.on(windows.take(rows)))
+            yield Stretch(episode, *ends, driven, theta, deviation, share, left)
 
 
 def _stretches(problem: Problem, seconds: float) -> Iterator[tuple[IntArray, float]]:

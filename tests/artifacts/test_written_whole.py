@@ -1,11 +1,8 @@
 """Files and folders that are there whole or not at all, and plain JSON."""
 
-import json
-
-import numpy as np
 import pytest
 
-from gpsim.files import plain, written_whole
+from gpsim.files import written_whole
 
 
 def test_what_is_half_written_leaves_what_was_there(tmp_path):
@@ -35,13 +32,3 @@ def test_a_folder_is_written_whole_too_and_a_full_one_is_not_replaced(tmp_path):
         made.mkdir()
     assert [p.name for p in tmp_path.iterdir()] == ["0001"]
     assert (folder / "a").read_text() == "a"
-
-
-def test_plain_json_has_no_numpy_and_nothing_infinite():
-    content = {
-        "a": np.float64(1.5),
-        2: (np.int64(3), np.bool_(True), float("inf")),
-        "b": [np.float32("nan"), None, "c"],
-    }
-    assert plain(content) == {"a": 1.5, "2": [3, True, None], "b": [None, None, "c"]}
-    assert json.loads(json.dumps(plain(content))) == plain(content)

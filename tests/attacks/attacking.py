@@ -1,11 +1,12 @@
 """Hostile files against the command line: in this process, or hundreds of them in a child of little memory."""
 
+import io
 import json
 import resource
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +21,6 @@ CODES = (0, 2, 3)  # docs/reference/exit_codes.md, of a command that nobody inte
 LINES = 6  # of a refusal on stderr, its notes with it
 PATIENCE = 60  # s of one file, on a machine that is busy; behind it a command is taken to hang
 MEMORY = 6 << 30  # bytes of address space; of these the libraries take two
-CHILD = Path(__file__).with_name("child.py")
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def all_said(calls, folder):
     there = names(folder)
     while len(ended) < len(calls):
         told = subprocess.run(
-            [sys.executable, str(CHILD)],
+            [sys.executable, __file__],
             input=json.dumps(calls[len(ended) :]),
             capture_output=True,
             text=True,
@@ -109,3 +109,27 @@ def all_said(calls, folder):
     left = names(folder) - there
     assert not left, left
     return ended
+
+
+def run(words):
+    """[exit code, stdout, stderr] of `gpsim WORDS`."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    sys.argv = ["gpsim", *words]
+    try:
+        with redirect_stdout(out), redirect_stderr(err), impatient():
+            main()
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except BaseException as error:  # one that nothing caught is what is looked for
+        code = -1
+        err.write(f"{type(error).__name__}: {error}")
+    return [code, out.getvalue()[-20_000:], err.getvalue()[-20_000:]]
+
+
+if (
+    __name__ == "__main__"
+):  # the child: commands as JSON from stdin, how each ended is a line of JSON on stdout
+    for words in json.load(sys.stdin):
+        told = json.dumps(run(words))
+        with suppress(BrokenPipeError):
+            print(told, flush=True)

@@ -1,38 +1,21 @@
-"""Hundreds of hostile files, by number: sound ones of every kind, damaged, and texts made of what breaks readers."""
+"""Hundreds of hostile files, by number: texts made of what breaks readers. (Damaged logs are of the readers' tests.)"""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import attacking  # noqa: F401  # where bags and mutations are
 import numpy as np
 import pandas as pd
-import scipy.io
-from bags import drive, write_bag
 from mjcf_models import DOUBLE, PENDULUM
-from mutations import WAYS, damaged, mutate
+from mutations import WAYS, damaged
 
-BAGS = {"ros1.bag": "ros1", "bz2.bag": "ros1-bz2", "lz4.bag": "ros1-lz4", "a.mcap": "mcap-zstd", "b.mcap": "mcap-lz4",
-        "c.mcap": "mcap-unchunked", "db3": "sqlite3", "message": "sqlite3-message", "file": "sqlite3-file"}  # fmt: skip
 CELLS = ["", "nan", "-inf", "1e999", "0x10", "1,5", '"', "'", "#", "%", "\t", ";", "${oc.env:HOME}", "=cmd|' /C calc'!A0",
          "999999999999999999999", "-9223372036854775808", "\u202e", "𝟙", "true", "1_000", "a" * 5000, "\x00", "\x1b[31m"]  # fmt: skip
 YAMLS = ["!!python/object/apply:os.system ['x']", "&a [*a]", "<<: {a: 1}", "? [a]\n: b", "- " * 2000, "{" * 2000,
          "a: !!binary x", "a: 1\na: 2", "\t", "%YAML 9.9", "---\n---", "a: 2020-01-01", "a: .nan", "a: 1e999", "\x00",
          "a: &x [1,2,3]\nb: [*x,*x]", "'", "a: |\n  b\n c", "state: {x: {topic: /p, field: ../..}}", "rate: -1"]  # fmt: skip
-NUMBERS = [
-    "0",
-    "-1",
-    "nan",
-    "inf",
-    "1e308",
-    "-1e308",
-    "99999999999",
-    "1 2 3 4 5 6 7 8 9",
-    "",
-    "abc",
-    "0x7fffffff",
-    "&#0;",
-]
+NUMBERS = ["0", "-1", "nan", "inf", "1e308", "-1e308", "99999999999", "1 2 3 4 5 6 7 8 9", "", "abc", "0x7fffffff",
+           "&#0;"]  # fmt: skip
 TAGS = ['<replicate count="{}"><geom size=".1"/></replicate>', '<body pos="{} 0 0"><joint/><geom size=".1"/></body>',
         '<geom size="{}"/>', '<site name="s" rgba="{}"/>', '<body euler="{}"><freejoint/><geom size=".1"/></body>',
         '<composite type="cable" count="{} 1 1" size="1"/>', '<flexcomp name="f" type="grid" count="{} 2 2"/>',
@@ -47,35 +30,11 @@ class Variant:
     words: tuple[str, ...]
 
 
-def _damaged(folder: Path, kind: str, number: int) -> Path:
-    """A sound log of a kind, damaged by a number."""
-    sound = folder / f"sound-{kind}"
-    if not sound.exists():
-        MAKERS[kind](sound)
-    target = folder / f"{number}-{kind}"
-    mutate(sound, target, number)
-    return target
-
-
 def _frame() -> pd.DataFrame:
     t = np.arange(200) * 0.02
     return pd.DataFrame(
         {"t": t, "x": np.sin(t), "x_dot": np.cos(t), "theta": t, "theta_dot": t, "force": t, "note": "a"}
     )
-
-
-def _bag(kind: str) -> Callable[[Path], object]:
-    return lambda path: write_bag(path, BAGS[kind], drive(0.6))
-
-
-MAKERS: dict[str, Callable[[Path], object]] = {
-    **{kind: _bag(kind) for kind in BAGS},
-    "log.csv": lambda path: _frame().to_csv(path, index=False),
-    "log.parquet": lambda path: _frame().to_parquet(path, index=False),
-    "log.mat": lambda path: scipy.io.savemat(
-        str(path), {"log": {n: _frame()[n].to_numpy() for n in "tx"}}, appendmat=False
-    ),
-}
 
 
 def _csv(folder: Path, number: int, rng: np.random.Generator) -> Variant:
@@ -135,10 +94,4 @@ TEXTS = {"csv": _csv, "yaml": _yaml, "xml": _xml}
 
 def variants(folder: Path, kind: str, numbers: range) -> list[Variant]:
     """Hostile files of a kind, made in a folder."""
-    if kind in TEXTS:
-        return [TEXTS[kind](folder, n, np.random.default_rng([n, 5])) for n in numbers]
-    made = []
-    for n in numbers:
-        salvage = ["--salvage"] if n % 2 else []
-        made.append(Variant("damage", ("import", "--inspect", *salvage, str(_damaged(folder, kind, n)))))
-    return made
+    return [TEXTS[kind](folder, n, np.random.default_rng([n, 5])) for n in numbers]

@@ -75,32 +75,16 @@ KILLED = "error: killed (out of memory?); finished artifacts are whole, run the 
 @pytest.mark.parametrize(
     ("code", "expected", "said"),
     [
-        (
-            f"{CALLS}; os._exit(0)",
-            2,
-            "error: my[31m.py: ended the program (exit code 0) in the middle of its work; ",
-        ),
+        (f"{CALLS}; os._exit(0)", 2, "error: my[31m.py: ended the program (exit code 0) in the middle of its work; "),
         (f"{CALLS}; os.execlp('true', 'true')", 2, "error: my[31m.py: ended the program (exit code 0) "),
-        (
-            f"{CALLS}; ctypes.string_at(0)",
-            2,
-            "error: my[31m.py: crashed Python (SIGSEGV), most likely in the code of",
-        ),
+        (f"{CALLS}; ctypes.string_at(0)", 2, "error: my[31m.py: crashed Python (SIGSEGV), most likely in the code of"),
         (f"{CALLS}; os.abort()", 2, "error: my[31m.py: crashed Python (SIGABRT)"),
-        (
-            f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)",
-            2,
-            "error: my[31m.py: a call did not return; fix it",
-        ),
+        (f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)", 2, "error: my[31m.py: a call did not return; fix it"),
         ("os.kill(os.getpid(), signal.SIGKILL)", 2, KILLED),
-        (
-            "os._exit(0)",
-            1,
-            "error: ended the program (exit code 0) in the middle of its work; run the same command",
-        ),
+        ("os._exit(0)", 1, "error: ended the program (exit code 0) in the middle of its work; run the same command"),
         ("ctypes.string_at(0)", 1, "error: crashed Python (SIGSEGV): a fault of gpsim or of a library; "),
     ],
-)
+)  # fmt: skip
 def test_who_ends_without_a_word_is_spoken_for(code, expected, said):
     ended = commanded(code, "diagnose", "--json")
     assert ended.returncode == expected

@@ -54,17 +54,10 @@ def called(*words, before="import sys\n", **environment):
 )
 def test_a_recording_is_drawn_there(tmp_path, before, environment):
     table(tmp_path)
-    words = [
-        "import",
-        "swing.csv",
-        "--simulator",
-        "pendulum",
-        "--out",
-        "rec",
-        "theta=theta",
-        "theta_dot=theta_dot",
-    ]
-    ended = called(*words, "torque=torque", "t=t", before=before, **environment)
+    words = (
+        "import swing.csv --simulator pendulum --out rec theta=theta theta_dot=theta_dot torque=torque t=t"
+    )
+    ended = called(*words.split(), before=before, **environment)
     assert ended.returncode == 0, ended.stderr.decode(errors="replace")
     assert b"Traceback" not in ended.stderr
     assert list((tmp_path / "rec").rglob("*.png"))

@@ -27,12 +27,8 @@ PRINTABLE = {
     "python": '"""\nimport os'.replace("\n", "\\n"),
 }
 STRANGE = {
-    "newline": "a\nb",
-    "escape": "a\x1b[31mb",
-    "direction": "a\u202eb",
-    "long": "x" * 5000,
-    "column": "t",
-}
+    "newline": "a\nb", "escape": "a\x1b[31mb", "direction": "a\u202eb", "long": "x" * 5000, "column": "t",
+}  # fmt: skip
 
 
 def named(joint, motor):
@@ -84,8 +80,6 @@ def test_a_printable_name_is_itself_in_every_file_of_an_export(tmp_path, gpsim, 
     tree = ast.parse(made.files["wrapper"].read_text(encoding="utf-8"))
     [patch] = [n.value for n in tree.body if isinstance(n, ast.AnnAssign) and n.target.id == "PATCH"]
     assert list(ast.literal_eval(patch)["commands"]) == [motor]
-    assert {effect["on"] for effect in json.loads(made.files["patch"].read_text())["effects"]} == {
-        joint,
-        motor,
-    }
+    patched = json.loads(made.files["patch"].read_text())["effects"]
+    assert {effect["on"] for effect in patched} == {joint, motor}
     assert made.files["diff"].is_file()

@@ -5,7 +5,6 @@ import struct
 import zlib
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -179,17 +178,6 @@ def test_a_long_text_that_is_there_many_times_is_held_once(tmp_path):
     assert frame["episode"].iloc[0] is frame["episode"].iloc[2]
     series = open_log(tmp_path / "words.parquet").series({"words": ["episode", "t"]})["words"]
     assert series.fields["episode"][:3].tolist() == [0.0, 1.0, 0.0]
-
-
-def test_texts_and_columns_that_are_no_numbers_are_what_they_were(tmp_path):
-    frame = pd.DataFrame(
-        {"episode": ["007", None, "NA"], "t": [0.0, 1.0, 2.0], "when": pd.date_range("2020", periods=3)}
-    )
-    frame.to_parquet(tmp_path / "a.parquet", index=False)
-    found = read_frame(tmp_path / "a.parquet")
-    assert found["episode"].tolist()[::2] == ["007", "NA"]
-    assert found["episode"].isna().tolist() == [False, True, False]
-    assert found["when"].dtype.kind == "M"
 
 
 def test_more_columns_than_anything_measures(tmp_path, gpsim):

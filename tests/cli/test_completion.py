@@ -78,22 +78,10 @@ def test_every_choice_and_key_that_is_offered_is_one(folder):
     groups = {group: choices for group, choices in completion.groups().items() if group not in together}
     for nth in range(max(map(len, groups.values()))):
         resolve([f"{group}={choices[nth % len(choices)]}" for group, choices in groups.items()], None)
-    keys = completion._keys()
+    keys = completion.keys()
     assert {"seed", "gp.n_train", "diagnose.windows.length", "collect.mapping"} <= set(keys)
     config = resolve([], None)
     assert {key.split(".")[0] for key in keys} <= set(config)
-
-
-def test_families_and_simulators_are_those_of_the_registries():
-    from gpsim.effects import FAMILIES
-    from gpsim.simulators import SIMULATORS
-
-    assert completion.families() == sorted(FAMILIES)
-    assert completion.simulators() == list(SIMULATORS)
-
-
-def test_a_folder_that_cannot_be_read_completes_to_nothing(folder):
-    assert completion.recordings("nowhere/x") == []
 
 
 def test_a_script_is_there_to_be_installed(folder):

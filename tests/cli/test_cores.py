@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import pytest
-from gpsim.cli.options import usable_cores
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no process is bound to cores here")
@@ -18,11 +17,3 @@ def test_a_process_that_is_bound_to_one_core_takes_one():
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
         == "1\n"
     )
-
-
-def test_without_bindings_it_is_all_there_are(monkeypatch):
-    monkeypatch.delattr(os, "sched_getaffinity", raising=False)
-    monkeypatch.setattr(os, "cpu_count", lambda: 7)
-    assert usable_cores() == 7
-    monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert usable_cores() == 1

@@ -36,13 +36,14 @@ def instant(monkeypatch):
     """Diagnoses that nobody waits for; what is not in SIZES cannot be diagnosed. Returns what each was about."""
     seen = {}
 
-    def run(jobs, launcher, update, finished, failed):
-        made = {}
+    def run(jobs, launcher, told, keep_going):
+        made, errors = {}, {}
         for job in jobs:
             name = Path(job.label).stem
             seen[job.label] = job.made_by.args[0]
             if name not in SIZES:
-                failed(job.label, "nothing moves in it")
+                errors[job.label] = "nothing moves in it"
+                told.failed(job.label, errors[job.label])
                 continue
             recipe = Recipe("diagnose", {"simulator": "pendulum", "of": name}, {}, {})
 
@@ -51,10 +52,10 @@ def instant(monkeypatch):
                 return {}
 
             made[job.label] = job.request.store.publish(recipe, write)
-            finished(job.label, made[job.label], False)
-        return made
+            told.made(job.label, made[job.label], False)
+        return made, errors
 
-    monkeypatch.setattr("gpsim.stages.jobs.run_jobs", run)
+    monkeypatch.setattr("gpsim.stages.fleet.run_jobs", run)
     return seen
 
 

@@ -11,7 +11,6 @@ from budgets import TINY
 from cli_calls import ANSWER, SCHEMA
 from gpsim.cli.main import app
 
-from gpsim.errors import UsageError
 from gpsim.stages import prove
 from gpsim.trials import blinding
 
@@ -49,13 +48,8 @@ def test_the_schema_refuses_what_it_does_not_know():
     good = {"schema": "gpsim.cli/1", "command": "export policy", "exit_code": 0, "warnings": [], "notes": []}
     good["paths"] = {"policy": "/a", "export": "/b"}
     ANSWER.validate(good)
-    for change in (
-        {"paths": {}},
-        {"more": 1},
-        {"command": "export"},
-        {"schema": "gpsim.cli/2"},
-        {"exit_code": 2},
-    ):
+    changes = {"paths": {}, "more": 1, "command": "export", "schema": "gpsim.cli/2", "exit_code": 2}
+    for change in ({key: value} for key, value in changes.items()):
         with pytest.raises(jsonschema.ValidationError):
             ANSWER.validate({**good, **change})
 
@@ -67,12 +61,8 @@ def test_the_loop_says_where_everything_lies_and_its_progress_aside(loop):
     assert {job["made"] for job in content["jobs"]} == {True}
     assert all(Path(job["folder"], "manifest.json").is_file() for job in content["jobs"])
     assert all(Path(path).exists() for path in content["paths"].values())
-    assert {row["policy"] for row in content["figures"]["table"]} >= {
-        "Source",
-        "GP-Sample",
-        "Effects",
-        "Target",
-    }
+    compared = {row["policy"] for row in content["figures"]["table"]}
+    assert compared >= {"Source", "GP-Sample", "Effects", "Target"}
     assert any("outside the range" in line for line in content["warnings"])
     assert "made certify" in err
     assert "Return on the target" in err  # the tables, for whoever looks on
@@ -101,12 +91,8 @@ def test_every_stage_of_the_loop(loop, stage, gpsim, monkeypatch):
         assert row["mean"] == table["Source"]["mean"]
         assert row["episodes"] == 12
     if stage == "collect":
-        assert (figures["system"], figures["episodes"], figures["dt"], figures["gaps"]) == (
-            "cartpole",
-            6,
-            0.02,
-            0,
-        )
+        found = [figures[key] for key in ("system", "episodes", "dt", "gaps")]
+        assert found == ["cartpole", 6, 0.02, 0]
     if stage == "fit-gp":
         assert content["warnings"]
         assert not any("warning" in note for note in content["notes"])
@@ -115,17 +101,8 @@ def test_every_stage_of_the_loop(loop, stage, gpsim, monkeypatch):
 def test_a_diagnosis_is_judged_on_another_recording(loop, gpsim, monkeypatch, tmp_path):
     monkeypatch.chdir(loop[0])
     diagnosis = Path("runs/cartpole/diagnose/v0001")
-    words = [
-        "diagnose",
-        "runs/cartpole/collect/v0001",
-        "--score",
-        diagnosis,
-        "--out",
-        tmp_path / "s",
-        "--json",
-        "-q",
-    ]
-    code, out, err = gpsim(*words, "--cores", "1")
+    words = ("--score", diagnosis, "--out", tmp_path / "s", "--json", "-q", "--cores", "1")
+    code, out, err = gpsim("diagnose", "runs/cartpole/collect/v0001", *words)
     assert code == 0, err
     content = read(out)
     assert content["score"]["one_step"]["x_acc"]["after"] < content["score"]["one_step"]["x_acc"]["before"]
@@ -157,12 +134,29 @@ def test_a_log_comes_in_and_goes_out(cartpole_table, gpsim, tmp_path):
     assert Path(read(out)["paths"]["export"]) == tmp_path / "e.csv"
 
 
-def test_a_policy_goes_out(loop, gpsim, monkeypatch, tmp_path):
+ANSWERED = [
+    ("export policy runs/cartpole/train-source/v0001 --out {}/onnx", "export"),
+    (
+        "export diagnosis runs/cartpole/diagnose/v0001 --mcap --recording runs/cartpole/collect/v0001 --out {}/d",
+        "export",
+    ),
+    ("collect experiment=limo --plan {}/plan.csv", "plan"),
+    ("runs list", "runs"),
+    ("runs show fit-gp/v1", "runs"),
+    ("runs diff fit-gp/v1 collect/v1", "runs"),
+    ("runs rm evaluate/v1 --with-dependents --dry-run", "runs"),
+    ("runs gc --dry-run", "runs"),
+]
+
+
+@pytest.mark.parametrize(("words", "made"), ANSWERED)
+def test_what_is_named_is_there(words, made, loop, gpsim, monkeypatch, tmp_path):
     monkeypatch.chdir(loop[0])
-    policy = next(Path("runs/cartpole/train-source").glob("v*"))
-    code, out, err = gpsim("export", "policy", policy, "--out", tmp_path / "onnx", "--json")
+    code, out, err = gpsim(*words.format(tmp_path).split(), "--json")
     assert code == 0, err
-    assert Path(read(out)["paths"]["export"], "policy.onnx").is_file()
+    content = read(out)
+    assert Path(content["paths"][made]).exists()
+    assert content.get("removed", False) is False
 
 
 @pytest.mark.parametrize("command", ["collect", "evaluate", "diagnose", "report", "run full-loop"])
@@ -172,13 +166,6 @@ def test_the_configuration_is_shown(command, gpsim):
     content = read(out)
     assert content["config"]["gp"]["n_train"] == 77
     assert content["paths"] == {}
-
-
-def test_a_plan_is_written(gpsim, tmp_path):
-    code, out, err = gpsim("collect", "experiment=limo", "--plan", tmp_path / "plan.csv", "--json")
-    assert code == 0, err
-    content = read(out)
-    assert content["rows"] == len((tmp_path / "plan.csv").read_text().splitlines()) - 1
 
 
 def test_every_step_of_a_proof(gpsim, monkeypatch, tmp_path):
@@ -236,7 +223,7 @@ def test_help_and_version_are_for_people(words, gpsim):
 def test_a_fault_of_the_program_is_an_object_and_a_traceback(monkeypatch, capfd):
     from gpsim.cli import main as module
 
-    monkeypatch.setattr("gpsim.cli.diagnose.split_words", lambda words: 1 // 0)
+    monkeypatch.setattr("gpsim.cli.options.split_words", lambda words: 1 // 0)
     monkeypatch.setattr(sys, "argv", ["gpsim", "diagnose", "x", "--json"])
     with pytest.raises(ZeroDivisionError):
         module.main()
@@ -264,7 +251,7 @@ def test_what_others_print_does_not_disturb_the_object(tmp_path):
         "def loud(words):\n"
         "    print('from Python'); os.write(1, b'from below\\n')\n"
         "    raise module.UsageError('enough')\n"
-        "sys.modules['gpsim.cli.diagnose'].split_words = loud\n"
+        "sys.modules['gpsim.cli.options'].split_words = loud\n"
         "sys.argv = ['gpsim', 'diagnose', 'x', '--json']\n"
         "module.main()\n"
     )
@@ -274,13 +261,6 @@ def test_what_others_print_does_not_disturb_the_object(tmp_path):
     assert ended.returncode == 2
     assert read(ended.stdout)["error"]["message"] == "enough"
     assert ended.stderr.splitlines() == ["from Python", "from below", "error: enough"]
-
-
-def test_without_the_option_nothing_changes(gpsim, monkeypatch):
-    monkeypatch.setattr(
-        "gpsim.stages.diagnose.open_recording", lambda task: (_ for _ in ()).throw(UsageError("no"))
-    )
-    assert gpsim("diagnose", "x") == (2, "", "error: no\n")
 
 
 @pytest.mark.parametrize("command", ["fit-gp", "diagnose", "report"])
@@ -300,26 +280,3 @@ def test_the_status_of_a_loop(loop, gpsim, monkeypatch):
     assert standings["fit-gp"]["state"] == "to make"
     code, again, _ = gpsim("run", "full-loop", *TINY, "gp.n_train=17", "--dry-run", "--json")
     assert read(again)["status"] == read(out)["status"]
-
-
-def test_what_is_in_runs(loop, gpsim, monkeypatch):
-    monkeypatch.chdir(loop[0])
-    for words in (
-        ("list",), ("show", "fit-gp/v1"), ("diff", "fit-gp/v1", "collect/v1"),
-        ("rm", "evaluate/v1", "--with-dependents", "--dry-run"), ("gc", "--dry-run"),
-    ):  # fmt: skip
-        code, out, err = gpsim("runs", *words, "--json")
-        assert code == 0, err
-        content = read(out)
-        assert Path(content["paths"]["runs"]).samefile("runs")
-        assert content.get("removed", False) is False
-
-
-def test_a_diagnosis_goes_out(loop, gpsim, monkeypatch, tmp_path):
-    monkeypatch.chdir(loop[0])
-    diagnosis = Path("runs/cartpole/diagnose/v0001")
-    recording = Path("runs/cartpole/collect/v0001")
-    words = ("--mcap", "--out", tmp_path / "d.mcap", "--recording", recording)
-    code, out, err = gpsim("export", "diagnosis", diagnosis, *words, "--json")
-    assert code == 0, err
-    assert Path(read(out)["paths"]["export"]).is_file()

@@ -13,7 +13,7 @@ from gpsim.effects import CATALOGUE, FAMILIES, brought
 def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setattr(trust, "_allowed", set())
+    monkeypatch.setattr(trust, "allowed", set())
     monkeypatch.setattr(brought, "_standing", {})
     yield
     FAMILIES.clear()
@@ -22,18 +22,8 @@ def _here(tmp_path, monkeypatch):
 
 def test_from_new_to_a_recording_of_it_and_a_name(monkeypatch, capfd, tmp_path):
     assert called(monkeypatch, capfd, "effects", "new", "rubber_band")[0] == 0
-    code, said, _ = called(
-        monkeypatch,
-        capfd,
-        "effects",
-        "check",
-        "rubber_band.py",
-        "--quick",
-        "--keep",
-        "band",
-        "--simulator",
-        "slider",
-    )
+    words = ("--quick", "--keep", "band", "--simulator", "slider")
+    code, said, _ = called(monkeypatch, capfd, "effects", "check", "rubber_band.py", *words)
     assert code == 0
     assert said.count(" yes") == 5
     code, said, _ = called(monkeypatch, capfd, "effects", "show", "rubber_band.py", "--json")

@@ -47,7 +47,7 @@ class Cable:
 def _forgotten(monkeypatch, tmp_path):
     """No family and no word of trust outlives a test."""
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setattr(trust, "_allowed", set())
+    monkeypatch.setattr(trust, "allowed", set())
     monkeypatch.setattr(brought, "_standing", {})
     before = dict(FAMILIES)
     yield
@@ -198,7 +198,7 @@ def test_a_file_that_only_data_name_does_not_run(file, monkeypatch):
     plant = EffectsPlant(SLIDER, {"mass": 1.0}, (Term("cable", "q", {"weight": 2.0}),), "fine", 2, 0.02)
     kept = json.loads(json.dumps(describe(plant, gp=False)))
     assert set(kept["effects"]) == {"cable"}
-    monkeypatch.setattr(trust, "_allowed", set())
+    monkeypatch.setattr(trust, "allowed", set())
     monkeypatch.setenv("XDG_CONFIG_HOME", str(path) + ".config")
     with pytest.raises(UsageError, match="not run: the file .* --effects"):
         again(kept["effects"], "DIR")

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -162,12 +163,12 @@ def points():
 
 
 def sweep(launcher):
-    from gpsim.stages import grid
+    from gpsim.stages import full_loop
 
-    made, plan = [], grid.grid_of(points(), "collect")
-    artifact, missing = grid.run(plan, launcher, silent, lambda job, a, existed: made.append(existed), silent)
+    told = Mock(update=silent)
+    artifact, missing = full_loop.run_grid(full_loop.grid_of(points(), "collect"), launcher, told)
     assert missing == 0
-    return artifact, made
+    return artifact, [call.args[2] for call in told.made.mock_calls]
 
 
 @pytest.mark.slow

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
+from asking import asked
 
-from gpsim.environments import ActiveSettings, Model, as_sensed, collect_actively, first_of
+from gpsim.environments import ActiveSettings, Model, as_sensed, collect_actively
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, read_recording
 from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages import build_residuals, collect, fit_gp, full_loop
 from gpsim.stages.building import target_plant
-from gpsim.stages.stage import Request
 from gpsim.tasks import Balance
 
 CARTPOLE, DT = make_simulator("cartpole"), 0.02
@@ -21,23 +20,22 @@ TINY = (
 
 
 def request(tmp_path, *words):
-    words = (f"runs_dir={tmp_path / 'runs'}", *words)
-    return Request(resolve(list(words), None), words)
+    return asked(f"runs_dir={tmp_path / 'runs'}", *words)
 
 
 def test_an_active_recording_has_its_transitions_and_is_fitted(tmp_path):
-    asked = request(tmp_path, *TINY)
-    made, _ = collect.STAGE.make(asked)
+    wanted = request(tmp_path, *TINY)
+    made, _ = collect.STAGE.make(wanted)
     recording = read_recording(made.path)
     assert recording.transition_count == 150
     assert recording.provenance["driver"] == "active"
-    again, existed = collect.STAGE.make(asked)
+    again, existed = collect.STAGE.make(wanted)
     assert existed
     assert again.path == made.path
-    build_residuals.STAGE.make(asked)
-    fit_gp.STAGE.make(asked)
+    build_residuals.STAGE.make(wanted)
+    fit_gp.STAGE.make(wanted)
     assert "policy" not in made.manifest["parents"]
-    jobs = {job.label: job for job in full_loop.plan(asked, (0,))}
+    jobs = {job.label: job for job in full_loop.plan(wanted, (0,))}
     assert jobs["collect · seed 0"].after == ()
 
 
@@ -81,12 +79,12 @@ def test_it_drives_to_where_nothing_is_known():
 def test_settings_that_nothing_can_be_recorded_with_are_one_line(word, said):
     words = ("strategy=active", word) if word.startswith("active") else (word,)
     with pytest.raises(UsageError) as refused:
-        collect.check(Request(resolve(list(words), None), words))
+        collect.check(asked(*words))
     assert str(refused.value).startswith(said)
 
 
 def driven():
-    rng, plant = np.random.default_rng(0), target_plant(resolve([], None))
+    rng, plant = np.random.default_rng(0), target_plant(asked().config)
     states = [rng.uniform(-0.05, 0.05, 4)]
     actions = 10.0 * rng.choice([-1.0, 1.0], (400, 1))
     for action in actions:
@@ -105,10 +103,3 @@ def test_sensors_add_their_noise_and_lose_their_share():
     np.testing.assert_allclose(error, 0.05 * episode.states.std(axis=0), rtol=0.15)
     np.testing.assert_allclose(list(noise.values()), 0.05 * episode.states.std(axis=0))
     assert as_sensed([episode], state, 0.0, 0.0, np.random.default_rng(1)) == ((episode,), {})
-
-
-def test_the_first_transitions_cut_the_last_episode():
-    one = Episode("a", DT * np.arange(11), np.zeros((11, 2)), np.zeros((10, 1)))
-    assert [len(e) for e in first_of([one, one, one], 15)] == [10, 5]
-    assert [len(e) for e in first_of([one], 15)] == [10]
-    assert first_of([one, one], None) == (one, one)

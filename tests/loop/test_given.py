@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import asking
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
 
 from gpsim.artifacts import Artifact, Recipe, Store
@@ -19,11 +19,11 @@ from gpsim.stages import evaluate, full_loop, report
 from gpsim.stages.building import base_plant, measured_on
 from gpsim.stages.stage import Request, Stage
 
-CAR = base_plant(resolve(["experiment=limo"], None))
+CAR = base_plant(asking.asked("experiment=limo").config)
 
 
 def asked(*words: str) -> Request:
-    return Request(resolve(["experiment=limo", *words], None), words)
+    return replace(asking.asked("experiment=limo", *words), words=words)
 
 
 def labels(request: Request) -> list[str]:

@@ -1,33 +1,30 @@
 """run iterate: rounds that build on each other, stop by their rule, and go on where they were cut off."""
 
 import json
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from asking import asked
 from budgets import TINY
-from gpsim.cli.configuration import resolve
 
 from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
 from gpsim.launchers import Local
 from gpsim.recordings import read_recording
 from gpsim.stages import iterate
-from gpsim.stages.stage import Request
 
 SMALL = (*TINY, "collect.episodes=3", "gp.restarts=0", "gp.max_iterations=20", "gp.n_train=40", "rounds=2")
 
 
 def request(tmp_path, *words):
-    words = (*SMALL, f"runs_dir={tmp_path / 'runs'}", *words)
-    return Request(resolve(list(words), None), words)
+    return asked(*SMALL, f"runs_dir={tmp_path / 'runs'}", *words)
 
 
-def run(asked):
-    said: list[tuple[str, bool]] = []
-    artifact = iterate.run(
-        asked, Local(0), lambda *_: None, lambda what, made, existed: said.append((what, existed))
-    )
-    return artifact, said
+def run(wanted):
+    told = Mock()
+    artifact = iterate.run(wanted, Local(0), told)
+    return artifact, [(job, existed) for job, _, existed in (call.args for call in told.made.mock_calls)]
 
 
 @pytest.fixture
@@ -44,7 +41,7 @@ def gaining(monkeypatch):
                 seen[policy.digest] = next(earned) + spread * (1 + len(seen))
             return seen[policy.digest]
 
-        monkeypatch.setattr(iterate, "_trial", trial)
+        monkeypatch.setattr(iterate, "trial", trial)
 
     return of
 
@@ -92,13 +89,9 @@ def test_a_sweep_comes_before_the_first_drive_and_stays_below_all(tmp_path, gain
     gaining(10.0, 5.0, -5.0)
     words = ("rounds=2", "collect.episodes=2", f"runs_dir={tmp_path / 'runs'}")
     small = ("experiment=limo", "budget=smoke", "policy.total_steps=800", "evaluate.episodes=12")
-    _, said = run(Request(resolve([*small, *words], None), (*small, *words)))
-    assert [what for what, existed in said if not existed][:4] == [
-        "policy 0",
-        "sweep",
-        "drive 0",
-        "residuals 0",
-    ]
+    _, said = run(asked(*small, *words))
+    made = [what for what, existed in said if not existed]
+    assert made[:4] == ["policy 0", "sweep", "drive 0", "residuals 0"]
     drives = [read_recording(path) for path in sorted((tmp_path / "runs/limo/drive").glob("v*"))]
     swept = read_recording(next((tmp_path / "runs/limo/collect").glob("v*")))
     for turn, drive in enumerate(drives):

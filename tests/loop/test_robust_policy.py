@@ -4,9 +4,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import asking
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
 from made_posteriors import made_explanation, made_posterior
 
@@ -14,7 +14,6 @@ from gpsim.artifacts import Recipe, Store
 from gpsim.corrected import EffectsPlant, describe
 from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.evaluation import worst_tenth
 from gpsim.files import write_json
 from gpsim.posterior import left_open_data
 from gpsim.simulators import make_simulator
@@ -22,15 +21,10 @@ from gpsim.stages import certify, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.diagnosis_files import POSTERIOR
 from gpsim.stages.export import export_policy
-from gpsim.stages.stage import Request
 
 TINY = (
-    "policy.total_steps=128",
-    "policy.n_envs=2",
-    "policy.n_steps=32",
-    "policy.n_epochs=1",
-    "evaluate.episodes=6",
-)
+    "policy.total_steps=128", "policy.n_envs=2", "policy.n_steps=32", "policy.n_epochs=1", "evaluate.episodes=6",
+)  # fmt: skip
 CARTPOLE = make_simulator("cartpole")
 
 
@@ -61,8 +55,7 @@ def diagnosed(folder, low=4.0, *, posterior=True):
 
 
 def request(tmp_path, *words):
-    words = (*TINY, f"runs_dir={tmp_path / 'runs'}", *words)
-    return Request(resolve(list(words), None), words)
+    return asking.asked(*TINY, f"runs_dir={tmp_path / 'runs'}", *words)
 
 
 def test_a_policy_is_trained_in_draws_and_says_what_it_survives(tmp_path):
@@ -115,8 +108,3 @@ def test_what_cannot_be_drawn_from_is_one_line(tmp_path, words, low, posterior, 
         train_gp_policy.STAGE.make(asked)
     assert "\n" not in str(refused.value)
     assert not list((tmp_path / "runs").glob("*/train-gp-policy/v*"))
-
-
-def test_the_worst_tenth_is_the_mean_of_the_lowest_tenth():
-    assert worst_tenth(np.arange(100.0)) == 4.5
-    assert worst_tenth(np.array([3.0, 1.0])) == 1.0

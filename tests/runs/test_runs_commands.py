@@ -10,8 +10,7 @@ from gpsim.cli.main import main
 from made_runs import made, snapshot, spoil
 
 from gpsim.artifacts import Recipe, Store
-from gpsim.reports.runs_text import bytes_text, phrase, says
-from gpsim.runs import ABSENT, Difference
+from gpsim.reports.runs_text import bytes_text, phrase
 from gpsim.stages.runs import compare_runs, list_runs, show_run
 
 STAGES = ["train-source", "collect", "build-residuals", "fit-gp", "train-gp-policy", "certify", "evaluate"]
@@ -243,37 +242,3 @@ def test_gc_shows_what_and_how_many_bytes(said, tmp_path):
         "removed",
     ]
     assert not left.exists()
-
-
-@pytest.mark.parametrize(
-    ("difference", "line"),
-    [
-        (Difference("setting", "a.b", 1, 1.0), "a.b: 1 → 1.0"),
-        (Difference("setting", "a", None, False), "a: null → false"),
-        (Difference("setting", "a", 0.1 + 0.2, 0.3), "a: 0.30000000000000004 → 0.3"),
-        (Difference("setting", "a", 70 * "x" + "1", 70 * "x" + "22"), "a: …xxxxxxxxxxxx1 → …xxxxxxxxxxxx22"),
-        (Difference("file", "recording.t.csv", ABSENT, "a" * 64), "file t.csv: not there before"),
-        (Difference("parent", "gp", "runs/a", None), "parent gp: runs/a → to be made"),
-        (Difference("parent", "gp", ABSENT, "runs/a"), "parent gp: none → runs/a"),
-        (Difference("code", "code", "a" * 64, "b" * 64), "code: gpsim's own modules have changed"),
-        (Difference("code", "commit", "a" * 40, None), "code: commit aaaaaaaa → unknown"),
-    ],
-)
-def test_a_difference_is_one_short_line(difference, line):
-    assert phrase(difference) == line
-
-
-def test_sizes_are_read_at_a_glance():
-    assert [bytes_text(n) for n in (0, 999, 1000, 99_949, 99_950, 999_499, 10**6, 5 * 10**12)] == [
-        "0 B", "999 B", "1.0 kB", "99.9 kB", "100 kB", "999 kB", "1.0 MB", "5.0 TB",
-    ]  # fmt: skip
-
-
-def test_what_an_artifact_says_is_a_word_and_never_an_error():
-    assert says("diagnose", {"verdict": "named", "effects": "spring on x"}, {}, {}) == "named: spring on x"
-    assert says("train-gp-policy", {"mean_return": 9.04}, {"correction": "gp", "prediction": "mean"}, {}) == (
-        "gp, mean: return 9.0"
-    )
-    assert says("evaluate", {"deployed.reached": 3, "deployed.trips": 5}, {}, {}) == "3 of 5 reached"
-    for stage in ("diagnose", "fit-gp", "score", "import", "train-source", "evaluate", "strange"):
-        assert says(stage, {}, {}, {}) == ""

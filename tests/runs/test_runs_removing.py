@@ -105,41 +105,6 @@ def test_whatever_is_removed_all_that_is_left_has_all_of_its_parents(family, dat
             assert not list(Path(place).rglob(".removed-*"))
 
 
-def test_what_needs_it_is_named_and_may_go_as_well(root):
-    policy = made(root, "train-source", 1)
-    recording = made(root, "collect", 1, {"policy": policy})
-    made(root, "fit-gp", 1, {"recording": recording}, experiment="limo")
-    with pytest.raises(UsageError) as refused:
-        take_away(root, "train-source/v1")
-    assert "needed by cartpole/collect/v0001, limo/fit-gp/v0001" in str(refused.value)
-    assert len(names(root)) == 3
-    went = take_away(root, "train-source/v1", with_dependents=True)
-    assert [entry.name for entry in went.entries] == [
-        "limo/fit-gp/v0001", "cartpole/collect/v0001", "cartpole/train-source/v0001",
-    ]  # fmt: skip
-    assert names(root) == []
-
-
-def test_either_of_two_twins_may_go_and_not_both(root):
-    first, second = made(root, "collect", 1), made(root, "collect", 1, code="later")
-    assert first.digest == second.digest
-    made(root, "fit-gp", 1, {"recording": first})
-    with pytest.raises(UsageError, match="needed by cartpole/fit-gp/v0001"):
-        take_away(root, "collect/v1", "collect/v2")
-    take_away(root, "collect/v1")
-    with pytest.raises(UsageError, match="needed by cartpole/fit-gp/v0001"):
-        take_away(root, "collect/v2")
-
-
-def test_a_diagnosis_needs_the_recording_that_it_names_by_its_files(root):
-    recording = recorded(root)
-    diagnosed(root, recording)
-    with pytest.raises(UsageError, match="needed by cartpole/diagnose/v0001"):
-        take_away(root, "collect/v1")
-    recorded(root, "another\n")
-    take_away(root, "collect/v2")
-
-
 def test_what_was_written_elsewhere_counts_where_it_is_looked_for(root, tmp_path):
     recording = made(root, "collect", 1)
     made(root, "fit-gp", 1, {"recording": recording}, out=tmp_path / "mine" / "gp")
@@ -163,21 +128,6 @@ def test_what_is_broken_may_go_and_is_never_collected(root):
     assert child.path.is_dir()
     (child.path / "content.txt").unlink()
     assert [e.damage is not None for e in read_catalogue(root).entries if e.stage == "fit-gp"] == [True]
-
-
-def test_gc_keeps_the_newest_and_what_they_need(root):
-    old, used = made(root, "collect", 1), made(root, "collect", 2)
-    made(root, "fit-gp", 1, {"recording": old})
-    made(root, "collect", 3)
-    made(root, "fit-gp", 2, {"recording": used})
-    planned = garbage(read_catalogue(root), keep=1)
-    assert [entry.name for entry in planned.entries] == ["cartpole/fit-gp/v0001", "cartpole/collect/v0001"]
-    assert planned.bytes == sum(
-        f.stat().st_size for e in planned.entries for f in e.path.rglob("*") if f.is_file()
-    )
-    assert garbage(read_catalogue(root)).entries == ()  # without a number only what is unfinished
-    collect_garbage(root, keep=1)
-    assert names(root) == ["cartpole/collect/v0002", "cartpole/collect/v0003", "cartpole/fit-gp/v0002"]
 
 
 def test_newest_is_by_the_clock_not_by_a_number_that_was_free_again(root):

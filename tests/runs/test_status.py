@@ -1,12 +1,12 @@
 """status and --dry-run: what would be made and why, and nothing is written."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
+import asking
 import numpy as np
 import pytest
-from gpsim.cli.configuration import resolve
 from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
 from made_runs import snapshot, spoil
@@ -24,25 +24,16 @@ from gpsim.stages.runs import loop_status, standing_of
 from gpsim.stages.stage import Request
 
 SECTIONS = (
-    "gp",
-    "policy",
-    "task",
-    "simulator",
-    "target",
-    "residuals",
-    "certify",
-    "evaluate",
-    "randomise",
-    "collect",
-)
+    "gp", "policy", "task", "simulator", "target", "residuals", "certify", "evaluate", "randomise", "collect",
+)  # fmt: skip
 
 
 def asked(place: Path, *words: str) -> Request:
-    return Request(resolve([f"runs_dir={place / 'runs'}", *words], None), words)
+    return replace(asking.asked(f"runs_dir={place / 'runs'}", *words), words=words)
 
 
 def record(folder: Path) -> None:
-    base = base_plant(resolve([], None))
+    base = base_plant(asking.asked().config)
     rng = np.random.default_rng(0)
     episodes = tuple(
         Episode(str(i), 0.02 * np.arange(31), rng.normal(size=(31, 4)), rng.normal(size=(30, 1)))
@@ -107,7 +98,7 @@ def changed(request: Request, way: tuple[str, ...], value: object) -> Request:
 
 
 def numbers() -> list[tuple[tuple[str, ...], object]]:
-    config = resolve([], None)
+    config = asking.asked().config
     ways = flat({name: plain(config[name]) for name in SECTIONS})
     return [(way, v) for way, v in sorted(ways.items()) if isinstance(v, int | float)]
 
@@ -218,8 +209,3 @@ def test_out_is_made_whatever_there_is_and_never_over_something(finished, tmp_pa
     (tmp_path / "mine").mkdir()
     with pytest.raises(UsageError, match="exists already"):
         standing_of(fit_gp.STAGE, request)
-
-
-def test_what_is_told_is_plain_data(finished):
-    status = loop_status(asked(finished, "gp.n_train=77"), (0,))
-    assert json.loads(json.dumps(asdict(status)))["standings"][3]["differences"][0]["new"] == 77
