@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -133,15 +133,11 @@ class FitReport:
             "outcome": self.outcome.name.lower(),
             "advice": self.outcome.advice,
             "converged": self.converged,
-            "log_marginal_likelihood": self.log_marginal_likelihood,
-            "initial_log_marginal_likelihood": self.initial_log_marginal_likelihood,
-            "log_marginal_likelihood_original": self.log_marginal_likelihood_original,
+            **{
+                f.name: getattr(self, f.name) for f in fields(self)[1:-1]
+            },  # without outcome and data_warnings
             "hyper_parameters": self.hyper_parameters.to_dict(),
             "hyper_parameters_original": self.hyper_parameters_original.to_dict(),
-            "evaluations": self.evaluations,
-            "iterations": self.iterations,
-            "rows": self.rows,
-            "distinct_rows": self.distinct_rows,
             "start_likelihoods": [value if np.isfinite(value) else None for value in self.start_likelihoods],
             "at_bounds": [str(item) for item in self.at_bounds],
             "warnings": list(self.warnings),

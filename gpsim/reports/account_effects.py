@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.findings import Form, MeasuredCurve, NamedEffect
+from gpsim.findings import Form, NamedEffect
 from gpsim.reports.diagnosis_text import gate_text, listed, noun
 from gpsim.reports.quantities import certainty_text, is_open, percent, shortened, size_text, spelled
 from gpsim.reports.sheets import MISSING
@@ -219,10 +219,3 @@ def curve_rows(effects: Sequence[NamedEffect]) -> Iterator[str]:
         little = effect.role == "slight" and part is not None and part.share < TRIFLE
         if effect.curve is not None and not little:
             yield curve_sentence(effect)
-
-
-def beyond(curve: MeasuredCurve) -> str:
-    """What to record where nothing else is left: where the curve was never measured."""
-    low, high = curve.visited
-    reach = f"[{low:.3g}, {high:.3g}] {curve.input_unit}"
-    return f"record {shortened(curve.input)} beyond {reach}, if you need it there: the curve is held, which is a guess"

@@ -11,14 +11,15 @@ from markupsafe import Markup
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
 from gpsim.findings import Kind, Ratio, RolloutErrors, StepErrors
+from gpsim.reports import diagnosis_text as words
 from gpsim.reports.account import Account, account_of, recordings_sheet
-from gpsim.reports.account_effects import Row
-from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
+from gpsim.reports.account_effects import Row, effect_name
+from gpsim.reports.canvas import FAINT, SEGMENTS
 from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
-from gpsim.reports.diagnosis_text import RANKED, geometry_sheet, inseparable_lines, not_asked_lines, ranking
-from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.pages import fragment_of, page_of, resource
+from gpsim.reports.quantities import in_percent, number, odds_text, percent, share_text, size_text
 from gpsim.reports.robot_figure import ROBOT
-from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
+from gpsim.reports.statistics_text import trace_lines
 
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
@@ -79,14 +80,16 @@ def page(
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
         recordings=recordings_sheet(diagnosis),
-        geometry=geometry_sheet(diagnosis.kinematics),
-        inseparable=inseparable_lines(diagnosis.kinematics),
-        sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
-        statistics=statistics(diagnosis),
+        diagnosis=diagnosis,
+        words=words,
+        effect_name=effect_name,
+        share_text=share_text,
+        percent=percent,
+        odds_text=odds_text,
+        size_text=size_text,
         model=model,
-        not_asked=not_asked_lines(diagnosis.not_asked),
-        ranked=RANKED,
-        ranking="\n".join(ranking(diagnosis)),
+        not_asked=words.not_asked_lines(diagnosis.not_asked),
+        ranking="\n".join(words.ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps({k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}, indent=2),
     )

@@ -10,20 +10,9 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import GpCorrection
-from gpsim.reports.canvas import (
-    BAND,
-    FAINT,
-    GP,
-    INK,
-    LABEL,
-    LONGEST_UNIT,
-    legend_above,
-    named,
-    panels,
-    style,
-)
+from gpsim.reports.canvas import BAND, FAINT, GP, INK, LONGEST_UNIT, legend_above, named, panels, style
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
-from gpsim.reports.quantities import shortened
+from gpsim.reports.quantities import LABEL, shortened
 from gpsim.reports.sheets import significant
 from gpsim.residuals import Residuals
 

@@ -14,8 +14,9 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from gpsim.channels import FloatArray
-from gpsim.reports.canvas import FAINT, INK, LABEL, colours, legend_above, named, panels, style
+from gpsim.reports.canvas import FAINT, INK, colours, legend_above, named, panels, style
 from gpsim.reports.loop_report import ALL, CERTIFIED, SOLVED, LoopReport, TripReport
+from gpsim.reports.quantities import LABEL
 from gpsim.reports.sheets import known, whole_percent
 
 BINS = 25

@@ -15,7 +15,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from gpsim.reports.canvas import POLICIES, colours, data_uri, page_of, resource
+from gpsim.reports.canvas import POLICIES, colours, data_uri
 from gpsim.reports.gp_figures import figure_residual_slices
 from gpsim.reports.loop_figures import (
     figure_learning_curves,
@@ -35,6 +35,7 @@ from gpsim.reports.loop_sheets import (
     rollout_sheet,
     success_sheets,
 )
+from gpsim.reports.pages import page_of, resource
 from gpsim.reports.sheets import Cell, Sheet, literal, printable
 
 HEADER = (

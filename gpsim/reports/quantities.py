@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # every figure needs this file, and few the diagnosis
 
 ELLIPSIS = "…"
 LONGEST = 28  # letters of a name in a figure
+LABEL = 18  # beside an axis that is no longer than that
 SENTENCE = 60  # and in a sentence, which wraps
 
 MANY = 1e4  # odds beyond which nobody counts

@@ -17,10 +17,10 @@ from gpsim.mjcf import MjcfSimulator, mujoco, rendered
 from gpsim.recordings import evenly
 from gpsim.reports.account_effects import TRIFLE, effect_name, told_effects
 from gpsim.reports.bodies import THICK, poses, shown_geoms, sticks
-from gpsim.reports.canvas import FAINT, GRID, INK, LABEL, legend_label, panels, png, style
+from gpsim.reports.canvas import FAINT, GRID, INK, legend_label, panels, png, style
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import WHOLE, noun
-from gpsim.reports.quantities import ELLIPSIS, percent, shortened
+from gpsim.reports.quantities import ELLIPSIS, LABEL, percent, shortened
 
 ROBOT = "robot"
 SCALE = LinearSegmentedColormap.from_list("share", ("#C9CFD6", "#F0B75A", "#D55E00", "#7F2704"))

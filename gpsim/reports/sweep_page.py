@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gpsim.reports.canvas import colours, data_uri, page_of, panels, resource, style
+from gpsim.reports.canvas import colours, data_uri, panels, style
+from gpsim.reports.pages import page_of, resource
 from gpsim.reports.sheets import Cell, Sheet, row, sheet, significant
 
 SEED = "seed"

@@ -14,7 +14,6 @@ from gpsim.gp import (
     FitSettings,
     GaussianProcess,
     HyperParameters,
-    Interval,
     Predictor,
     covariance,
     fit,
@@ -90,18 +89,6 @@ def test_an_iteration_limit_is_an_outcome_with_advice() -> None:
     assert any("max_iterations" in text for text in report.warnings)
 
 
-def test_restarts_leave_a_poor_optimum() -> None:
-    """A function that jumps: from one start the noise takes it all, structure explains far more."""
-    rng = np.random.default_rng(0)
-    inputs = rng.uniform(-1.0, 1.0, (120, 3))
-    targets = np.sin(8.0 * inputs[:, 0]) * np.cos(5.0 * inputs[:, 1])
-    poor = fit(inputs, targets, ONE_START, np.random.default_rng(0)).report
-    good = fit(inputs, targets, FitSettings(), np.random.default_rng(0)).report
-    assert poor is not None
-    assert good is not None
-    assert good.log_marginal_likelihood > poor.log_marginal_likelihood + 20.0
-
-
 def test_a_jump_along_one_input_is_found() -> None:
     """Data on which the ascent from the smooth start blurs a step of one input into noise."""
     rng = np.random.default_rng(3)
@@ -127,16 +114,6 @@ def test_noise_free_data_reach_the_noise_floor_and_the_report_says_so() -> None:
     assert all(item.harmless and str(item) not in report.warnings for item in notes)
 
 
-def test_a_users_noise_floor_is_obeyed() -> None:
-    rng = np.random.default_rng(4)
-    inputs = rng.uniform(-2.0, 2.0, (40, 1))
-    settings = FitSettings(bounds=Bounds(noise_std=Interval(0.05, 1.0)))
-    process = fit(inputs, np.sin(inputs[:, 0]), settings, rng)
-    assert process.hyper_parameters.noise_std == pytest.approx(0.05)
-    with pytest.raises(ValueError, match="noise_std"):
-        Bounds(noise_std=Interval(1.0, 0.5))
-
-
 def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
     rng = np.random.default_rng(5)
     inputs = rng.normal(size=(60, 3))
@@ -152,19 +129,6 @@ def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
     new = rng.normal(size=(5, 3))
     expected = Predictor([plain]).mean(new) * 4.0
     np.testing.assert_allclose(Predictor([scaled]).mean(new * factor), expected, rtol=1e-12)
-
-
-def test_far_away_units_change_nothing() -> None:
-    """Kelvin instead of Celsius, millimetres instead of metres."""
-    rng = np.random.default_rng(6)
-    inputs = rng.normal(size=(60, 2))
-    targets = np.sin(inputs[:, 0]) + 0.1 * rng.normal(size=60)
-    new = rng.normal(size=(5, 2))
-    plain = Predictor([fit(inputs, targets, ONE_START, rng)])
-    moved = Predictor([fit(1000.0 * inputs + 273.15, targets - 50.0, ONE_START, rng)])
-    a, b = plain.mean_and_variance(new), moved.mean_and_variance(1000.0 * new + 273.15)
-    np.testing.assert_allclose(a[0], b[0] + 50.0, atol=1e-3)
-    np.testing.assert_allclose(a[1], b[1], rtol=0.01)
 
 
 def test_replicates_averaged_equal_replicates_kept() -> None:

@@ -163,14 +163,6 @@ def test_a_root_without_drowned_directions_keeps_the_variance(seed: int) -> None
     assert np.all(np.abs(error) <= DROWNED * prior)
 
 
-def test_a_rough_prior_keeps_the_triangular_root() -> None:
-    rng = np.random.default_rng(0)
-    hyper = HyperParameters(1.0, np.full(2, 0.05), np.full(2, 0.1), 0.3, 0.01)
-    root = condition(rng.normal(size=(80, 2)), rng.normal(size=80), hyper).terms.root
-    np.testing.assert_array_equal(root, np.triu(root))
-    assert root.shape == (80, 80)
-
-
 def test_no_cholesky_factor_is_an_error_and_not_a_number() -> None:
     inputs = np.repeat(np.linspace(0.0, 1e-9, 40)[:, None], 2, axis=1)
     data = TrainingData.of(inputs, np.zeros(40), False)

@@ -1,7 +1,6 @@
 """From a drive of the stand-in through bags and the importer; policies trained, exported, deployed and scored."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +12,9 @@ from gpsim.cli.main import main
 from gpsim.artifacts import Recipe, Store
 from gpsim.environments import BatchedEnv, Sweep, drive_plan
 from gpsim.errors import UsageError
-from gpsim.evaluation import take_trips
 from gpsim.policies import Policy
 from gpsim.policies.export import to_onnx
 from gpsim.policies.ros_node import ros_node
-from gpsim.policies.training import sac
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
@@ -46,30 +43,6 @@ def proportional(observations):
     """A policy that anyone would write: full speed, turning towards the goal."""
     bearing = np.arctan2(observations[:, 1], observations[:, 0])
     return np.column_stack([np.full(len(bearing), 0.2), np.clip(bearing, -0.3, 0.3)])
-
-
-def test_the_target_entropy_falls_near_the_end_only():
-    falling = replace(SMALL, total_steps=1000, target_entropy=-1.0, final_entropy=-4.0, final_part=0.4)
-    assert [falling.entropy_at(done) for done in (0, 600, 800, 1000, 1100)] == pytest.approx(
-        [-1, -1, -2.5, -4, -4]
-    )
-    assert replace(falling, final_entropy=None).entropy_at(1000) == -1.0
-    with pytest.raises(ValueError, match="final_part"):
-        replace(SMALL, final_part=0.0)
-
-
-def test_what_the_target_entropy_falls_to_changes_the_policy():
-    env = BatchedEnv(PLANT, GoalReaching(max_steps=60), SMALL.n_envs, 0, SMALL.action_repeat)
-    sharp, _, _ = train_sac(env, replace(SMALL, final_entropy=-20.0), 0, lambda *_: None)
-    stayed, _, _ = train()
-    assert any((sharp.weights[name] != stayed.weights[name]).any() for name in sharp.weights)
-
-
-def test_a_sweep_is_a_grid_that_is_held():
-    assert PLAN.shape == (144, 2)
-    assert len(np.unique(PLAN, axis=0)) == 12
-    assert (PLAN[:12] == [0.0, -0.3]).all()
-    assert (PLAN[-1] == [0.2, 0.3]).all()
 
 
 @pytest.mark.parametrize("kind", ["ros1", "ros2"])
@@ -170,25 +143,6 @@ def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
     node = (tmp_path / "deploy_default" / "drive_to_goal.py").read_text()
     assert '"~goal_x", 0.5), rospy.get_param("~goal_y", -0.5)' in node
     assert '"~max_steps", 500)' in node
-
-
-def test_a_checkpoint_that_leaves_the_floor_has_not_succeeded():
-    """Success is reaching the goal, as in a trip; an episode ends at the edge of the target's floor, too."""
-    task = GoalReaching(max_steps=60, floor=1.2, goal_radius=0.2).on_target()
-    env = BatchedEnv(PLANT, task, 8, 0)
-    settings = replace(SMALL, checkpoint_episodes=200)
-
-    class Ahead:
-        def act(self, seen):
-            return np.tile([0.2, 0.0], (len(seen), 1))
-
-    judge = sac._Judge(env, np.ones(2, dtype=np.float32), settings, 7, lambda *_: None)
-    _, success, length = judge._try(Ahead())
-    start = task.start(200, np.random.default_rng(7))
-    trips = take_trips(PLANT, task, Ahead().act, start, np.random.default_rng(7))
-    assert success == trips.reached.mean()
-    assert length == trips.steps.mean()
-    assert 0.0 < success < np.mean(trips.steps < 60)  # of those that ended, some left
 
 
 def run(monkeypatch, capsys, *words):

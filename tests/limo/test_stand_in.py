@@ -35,16 +35,6 @@ def test_the_turning_radius_is_the_makers():
     assert v / w == pytest.approx(limo.turning_radius, rel=1e-3)
 
 
-def test_what_can_be_turned_is_turned():
-    v, w = settle(car(), 0.2, 0.3)
-    assert v == pytest.approx(0.2, rel=1e-3)
-    assert w == pytest.approx(0.3, rel=1e-3)
-
-
-def test_nothing_moves_without_speed():
-    assert settle(car(), 0.0, 0.3) == (0.0, 0.0)
-
-
 def test_left_and_right_differ_by_their_scales():
     limo = car(scale_left=0.9, scale_right=1.1)
     (_, left), (_, right) = settle(limo, 0.2, 0.1), settle(limo, 0.2, -0.1)
@@ -60,19 +50,6 @@ def test_the_motor_answers_after_the_delay_and_then_by_its_lag():
         state = limo.step(state, np.array([[0.2, 0.0]]), memory, np.random.default_rng(0))
         t = max(0.1 * k - 0.12, 0.0)
         assert state[0, 0] == pytest.approx(0.2 * (t - 0.12 * (1.0 - np.exp(-t / 0.12))), abs=1e-5)
-
-
-def test_finer_steps_change_next_to_nothing():
-    rng = np.random.default_rng(3)
-    plan = np.repeat(rng.uniform([0.0, -0.3], [0.2, 0.3], (20, 2)), 5, axis=0)
-    ends = []
-    for substeps in (20, 200):
-        limo = car(substeps=substeps)
-        state, memory = np.zeros((1, 3)), limo.begin(1, rng)
-        for command in plan:
-            state = limo.step(state, command[None], memory, rng)
-        ends.append(state[0])
-    np.testing.assert_allclose(ends[0], ends[1], atol=2e-3)
 
 
 def test_a_batch_is_its_cars_and_the_camera_sees_what_the_car_does():

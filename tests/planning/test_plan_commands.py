@@ -151,18 +151,6 @@ def test_a_watch_ends_with_4_where_friction_has_grown_and_goes_on_where_it_was(
     assert [json.loads(line)["recording"] for line in lines] == ["a.csv", "b.csv"]
 
 
-def test_a_table_that_grows_is_looked_at_where_it_is_new(found, tmp_path, monkeypatch, capfd):
-    whole, log = frame(1.4, seed=5), tmp_path / "log.csv"
-    words = ("watch", log, "--diagnosis", found, "--once", "watch.stretch=20")
-    whole[: 60 * 50].to_csv(log, index=False)
-    assert called(monkeypatch, capfd, *words)[0] == 0
-    whole.to_csv(log, index=False)
-    assert called(monkeypatch, capfd, *words)[0] == 0
-    first, second = map(json.loads, (tmp_path / "log.csv.watch.jsonl").read_text().splitlines())
-    assert len(first["stretches"]) == 3
-    assert second["stretches"][0]["begin"] == pytest.approx(60.0, abs=1.0)
-
-
 STATE = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}
 CARTPOLE = {
     "simulator": {"name": "cartpole", "dt": 0.02, "integrator": "euler", "parameters": {}},

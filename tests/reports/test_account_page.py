@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, ambiguous, friction, gain, measured, named, partial, share, unknown, viscous
+from rich_diagnoses import RICH, ambiguous, friction, measured, named, partial, share, viscous
 
 from gpsim.channels import Channels
 from gpsim.findings import Explained, NotAsked, RankedHypothesis, Share
@@ -38,14 +37,6 @@ def told(diagnosis, **given):
 
 def first_screen(text):
     return text.partition('<div class="folded">')[0]
-
-
-def test_the_picture_shows_the_two_channels_that_make_most_of_the_mismatch():
-    real = np.column_stack([np.sin(T), np.cos(T), T])
-    said = {BASE: real + 0.3}
-    trace = Trace("17", "median of 9", True, T, real, said, {BASE: np.ones(3)})
-    picture = account_figures(named(), STATE, Traces((3, 0, 1), 1.0, True, (trace,)))["held_out_rollout"]
-    assert picture.shows == ["theta_dot", "x"]
 
 
 def test_what_was_not_asked_is_folded_below():
@@ -142,16 +133,6 @@ def test_its_pictures_stand_beside_it(verdict, titles):
     assert [a["alt"] for tag, a in screen.elements if tag == "img"] == titles
 
 
-def test_bars_are_as_long_as_their_shares():
-    text = told(named())
-    (style,) = check_policy(text).styles
-    fills = re.findall(r'class="fill (w\d+) (c\d)"', text)
-    assert fills == [("w74", "c0"), ("w19", "c1")]
-    for width, colour in fills:
-        assert f".{width} {{ width: {width[1:]}%; }}" in style
-        assert f".{colour} {{ background: #" in style
-
-
 def test_the_mismatch_is_the_sum_of_its_parts():
     found = {part.name: part.share for part in parts(named())}
     assert found == {
@@ -164,22 +145,6 @@ def test_the_mismatch_is_the_sum_of_its_parts():
     found = parts(replace(named(), effects=many))
     assert [part.name for part in found[-2:]] == ["2 more", "left"]
     assert found[-2].share == pytest.approx(0.2)
-
-
-def test_what_explains_less_than_nothing_is_no_part_and_nobody_draws_what_nobody_computed():
-    less = replace(named(), effects=(friction(), viscous(importance=share(-0.01)), gain(importance=None)))
-    assert [part.name for part in parts(less)] == ["Coulomb friction on x", "left"]
-    assert parts(replace(named(), effects=(friction(importance=None),))) == []
-    assert parts(replace(named(), effects=(friction(importance=Share(math.nan)),))) == []
-    assert parts(unknown()) == []
-
-
-def test_every_measured_curve_has_a_picture():
-    two = replace(partial(), effects=(friction(), measured(), measured("theta", low=(), high=())))
-    drawn = account_figures(two, STATE, None)
-    assert set(drawn) == {"decomposition", "measured_1", "measured_2"}
-    assert drawn["measured_1"].title == "No law of the catalogue: measured force on x"
-    assert "force on x over x_dot" in drawn["measured_1"].caption
 
 
 def test_a_picture_that_fails_does_not_take_the_others_with_it():
@@ -232,7 +197,3 @@ def test_names_are_drawn_letter_by_letter():
     drawn = account_figures(found, state, rolled())
     assert set(drawn) == {"held_out_rollout", "decomposition", "measured_1"}
     assert all(picture.png.startswith(b"\x89PNG") for picture in drawn.values())
-
-
-def test_equal_diagnoses_give_equal_pages():
-    assert told(partial()) == told(partial())

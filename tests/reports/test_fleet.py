@@ -39,10 +39,6 @@ def test_of_three_the_two_that_agree_do_not_differ():
     assert [d.robot for d in deviations(robots)] == ["odd"]
 
 
-def test_what_its_own_interval_holds_does_not_differ():
-    assert deviations(fleet(robot("vague", spring(3.0, half=0.6)))) == []
-
-
 def test_another_effect_and_a_missing_one_and_since_when():
     late = made_effect(family="constant_force", since=40.0)
     robots = fleet(robot("bent", spring(2.0), late), robot("bare", verdict="none"))

@@ -15,10 +15,10 @@ from pages import Page, check_policy
 from gpsim.evaluation import returns as evaluation
 from gpsim.reports import loop_page, loop_sheets
 from gpsim.reports.canvas import page_of, resource
-from gpsim.reports.loop_figures import figure_learning_curves, figure_returns
+from gpsim.reports.loop_figures import figure_returns
 from gpsim.reports.loop_page import render, terminal_notes, terminal_tables
 from gpsim.reports.loop_report import LoopReport, TripReport
-from gpsim.reports.loop_sheets import gp_warnings, paragraph, return_sheets, rollout_sheet, success_sheets
+from gpsim.reports.loop_sheets import gp_warnings, paragraph, return_sheets, success_sheets
 from gpsim.reports.prove_page import section
 from gpsim.reports.sheets import Sheet, row
 
@@ -126,16 +126,6 @@ def test_a_seed_that_fails_is_marked_and_named(make_report: Make) -> None:
     assert "GP-Sample with seed 1 (61.5)" in page
 
 
-@pytest.mark.parametrize(
-    "policies", [("GP-Mean", "Target"), ("Source",), ("Source", "Effects", "Something new", "Target")]
-)
-def test_any_set_of_policies(make_report: Make, policies: tuple[str, ...]) -> None:
-    report = make_report(2, policies)
-    assert [cells[0].text for cells in return_sheets(report)[0].rows] == list(policies)
-    assert terminal_tables(report)
-    assert render(report)
-
-
 def test_what_is_missing_is_left_out(make_report: Make) -> None:
     empty = LoopReport("empty", (0,), {})
     assert terminal_tables(empty) == []
@@ -195,21 +185,6 @@ def test_the_starts_of_a_goal_are_certified_by_geometry(make_report: Make) -> No
         assert "geometry of arcs and straights certifies" in titles
 
 
-def test_curves_of_a_goal_are_not_counted_in_steps(make_report: Make) -> None:
-    """Whether the target was driven, as `trips` tells, or is known by its logs alone."""
-    curves = {"Source": [(np.arange(1, 4) * 800.0, np.array([5.0, 7.0, 9.0]))]}
-    driven = replace(to_goals(make_report()), curves=curves)
-    held = "decisions in training, each held for 10 steps"
-    for report, labels in (
-        (driven, (held, "mean return")),
-        (replace(driven, trips=None, returns={}, starts={}), (held, "mean return")),
-        (make_report(), ("steps in training", "mean return [steps]")),
-    ):
-        axis = figure_learning_curves(report).axes[0]  # type: ignore[union-attr]
-        assert (axis.get_xlabel(), axis.get_ylabel()) == labels
-        assert (axis.get_ylim() == (0.0, 525.0)) == (labels[0] != held)
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -230,17 +205,6 @@ def test_what_was_judged_and_measured_on_reads_as_a_sentence(
         told = [f"measured on {changes['measured_on']}", *terminal_notes(report)]
         assert terminal_notes(summed(report, **changes)) == told
         assert said not in paragraph(report)
-
-
-@pytest.mark.parametrize(
-    ("count", "said"),
-    [(3.0, "3 rollouts ceased"), (1, "1 rollout ceased"), (0.6, "0.6 rollouts a seed ceased")],
-)
-def test_rollouts_that_ran_away_are_counted_in_whole_ones(make_report: Make, count: float, said: str) -> None:
-    rollout = make_report().summary["rollout"]
-    source = {**rollout["Source"], "not_finite": count}
-    report = summed(make_report(), rollout={**rollout, "Source": source})
-    assert f"Source: {said} to be finite" in rollout_sheet(report).note
 
 
 def test_what_lies_outside_the_recording_is_said_and_much_of_it_is_a_warning(make_report: Make) -> None:

@@ -19,7 +19,6 @@ from gpsim.findings import (
     NoGp,
     RemainderGp,
     Separation,
-    Share,
 )
 from gpsim.reports.diagnosis_text import (
     combination_text,
@@ -28,7 +27,7 @@ from gpsim.reports.diagnosis_text import (
     log_fact_text,
     open_text,
 )
-from gpsim.reports.quantities import brief, percent, share_text, size_text
+from gpsim.reports.quantities import percent, size_text
 from gpsim.reports.statistics_text import trace_lines
 from gpsim.reports.wording import effect_sentence, worded
 
@@ -192,18 +191,6 @@ def test_a_share_never_claims_all_or_nothing_by_rounding(share, said):
     assert percent(share) == said
 
 
-def test_a_share_has_its_interval_where_there_is_one():
-    assert share_text(Share(0.93, 0.88, 0.96)) == "93 % (88 to 96)"
-    assert share_text(Share(0.93)) == "93 %"
-
-
-@pytest.mark.parametrize(
-    ("value", "said"), [(9.213, "9.2"), (123.4, "123"), (0.0102, "0.010"), (math.nan, "diverged")]
-)
-def test_an_error_has_two_digits(value, said):
-    assert brief(value) == said
-
-
 @pytest.mark.parametrize(
     ("fact", "said"),
     [
@@ -249,19 +236,6 @@ def test_what_is_fixed_and_what_is_open_is_said():
 
 
 DRAG, FRICTION, SPRING = "quadratic_drag on q", "coulomb_friction on q", "spring on q"
-
-
-@pytest.mark.parametrize(
-    ("candidate", "over", "said"),
-    [
-        ((FRICTION, DRAG), (FRICTION,), f"+ {DRAG} (beside {FRICTION})"),
-        ((FRICTION, SPRING), (FRICTION, DRAG), f"+ {SPRING} - {DRAG} (beside {FRICTION})"),
-        ((), (DRAG,), f"- {DRAG}"),
-        ((DRAG,), (DRAG,), f"the same terms (beside {DRAG})"),
-    ],
-)
-def test_a_decision_says_what_is_added_and_dropped_and_what_both_have(candidate, over, said):
-    assert trace_lines([Decision("search", candidate, over, True, "good share")])[1].endswith(said)
 
 
 def test_decisions_stand_below_their_step_and_are_told_once():
