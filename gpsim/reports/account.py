@@ -37,13 +37,14 @@ from gpsim.reports.account_effects import (
     slight_text,
     told_effects,
 )
-from gpsim.reports.diagnosis_text import combination_texts, geometry_lines, listed, parameters_of, where_facts
+from gpsim.reports.diagnosis_text import combination_texts, geometry_lines, parameters_of, where
 from gpsim.reports.pages import environment
 from gpsim.reports.quantities import (
     brief,
     certainty_text,
     in_percent,
     is_open,
+    listed,
     percent,
     share_text,
     shortened,
@@ -144,7 +145,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
     return Account(
         verdict=told.verdict,
         sentence=said("verdict")[0],
-        where=said("where")[0],
+        where=where(told),
         rows=tuple(rows_of(headline, told)),
         slight=slight_text(slight),
         rivals=(*curve_rows((*headline, *slight)), *_rivals(told)),
@@ -184,7 +185,6 @@ def _sentences(d: Diagnosis, headline: Sequence[NamedEffect]) -> Callable[[str],
                 if found.share < POOR
             ],
             "learnt": _learnt(d),
-            **where_facts(d),
         }
     )
 
@@ -198,10 +198,7 @@ def _sentences(d: Diagnosis, headline: Sequence[NamedEffect]) -> Callable[[str],
 @cache
 def _template() -> Template:
     made = environment(escapes=False)
-    made.filters |= {
-        "effect": effect_name, "share": share_text, "percent": percent, "spelled": spelled, "listed": listed,
-        "shortened": shortened, "parameters": parameters_of,
-    }  # fmt: skip
+    made.filters |= {"effect": effect_name, "parameters": parameters_of}
     return made.get_template("account.txt.jinja")
 
 

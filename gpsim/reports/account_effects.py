@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.findings import Form, NamedEffect
-from gpsim.reports.diagnosis_text import gate_text, listed, noun
-from gpsim.reports.quantities import certainty_text, is_open, percent, shortened, size_text, spelled
+from gpsim.reports.diagnosis_text import gate_text, noun
+from gpsim.reports.quantities import certainty_text, is_open, listed, percent, shortened, size_text, spelled
 from gpsim.reports.sheets import MISSING
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
-from typing import Any
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
@@ -27,7 +26,8 @@ from gpsim.findings import (
     NotAsked,
     RankedHypothesis,
 )
-from gpsim.reports.quantities import brief, interval_text, number, percent, size_text, spelled
+from gpsim.reports.pages import text_of
+from gpsim.reports.quantities import brief, interval_text, listed, number, percent, size_text, spelled
 from gpsim.reports.sheets import unit
 
 COUNTED: Mapping[str, tuple[str, str]] = {
@@ -59,14 +59,6 @@ RANKINGS = {"all": "On all training windows:", "search": "Given up in the search
 RANKED = "nats behind the chosen one (below zero: ahead of it), what came of it, integration, explanation"
 COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
 TRIFLE = 0.01  # of a rate's residual: less is not told
-MOST = 3  # names that are told of a list
-
-
-def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
-    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
-    if most is not None and len(names) > most:
-        names = [*names[:most], f"{len(names) - most} more"]
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def noun(family: str) -> str:
@@ -222,8 +214,8 @@ def terms_text(effects: Claims) -> str:
     return " + ".join(f"{family} on {on}" for family, on in effects) or NOTHING
 
 
-def where_facts(diagnosis: Diagnosis) -> dict[str, Any]:
-    """What an account says of the place: rates, inputs, the gates of effects, else where nearly all of it lies."""
+def where(diagnosis: Diagnosis) -> str:
+    """In which rates, on what they depend, in which part of state or time, and what of the log was looked at."""
     location, part = diagnosis.location, diagnosis.location.concentrated
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
     places = [f"{spelled(name)} ({percent(share)} %" for name, share in shares if share > TRIFLE]
@@ -234,16 +226,19 @@ def where_facts(diagnosis: Diagnosis) -> dict[str, Any]:
             lies = f"{part.where} {spelled(part.channel)} = {_between(low, high)}"
         else:
             lies = f"within {high:.3g} s of a reversal of {of}" if high > 0.0 else f"where {of} reverses"
-    return {
-        "places": [f"{one}{' of the error there is not noise' * (not i)})" for i, one in enumerate(places)],
-        "gates": _gates(location.region, location.since, location.since_episode, diagnosis.dt),
-        "lies": lies,
-        "coarse": [
+    text = text_of(
+        "where.txt.jinja",
+        d=diagnosis,
+        places=[f"{one}{' of the error there is not noise' * (not i)})" for i, one in enumerate(places)],
+        gates=_gates(location.region, location.since, location.since_episode, diagnosis.dt),
+        lies=lies,
+        coarse=[
             f"{number(e.finely)} of {spelled(name)}'s {number(e.before)} {e.unit}"
             for name, e in diagnosis.fit.one_step.items()
             if e.finely is not None and e.finely < COARSE * e.before
         ],
-    }
+    )
+    return " ".join(text.split())
 
 
 def gate_text(effect: NamedEffect, dt: float | None) -> str:

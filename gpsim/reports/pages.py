@@ -13,6 +13,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from gpsim.reports import quantities
 from gpsim.reports.quantities import LABEL, shortened
 
 LONGEST_CELL = 48  # letters of a name in a table: its title holds all of them
@@ -60,6 +61,11 @@ def environment(escapes: bool = True) -> Environment:
         lstrip_blocks=True,
     )  # fmt: skip
     made.filters |= {
+        "spelled": quantities.spelled,
+        "listed": quantities.listed,
+        "percent": quantities.percent,
+        "share": quantities.share_text,
+        "shortened": quantities.shortened,
         "short": _short,
         "title_of": _title,
         "titles_of": partial(_titled, most=LABEL),

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from gpsim.channels import Channels
-from gpsim.evaluation.predictions import OneStep, bands, compare, divergence, roll_out
+from gpsim.evaluation.predictions import OneStep, compare
 from gpsim.evaluation.returns import (
     bootstrap_interval,
     interquartile_mean,
@@ -60,21 +60,6 @@ def test_one_step_scores_of_a_calibrated_model():
     assert scores["sample"]["rmse"] == pytest.approx(0.2 * np.sqrt(2), rel=0.02)
     function_only = result.scores(0, rng, sample_noise=False)
     assert function_only["sample"]["rmse"] == pytest.approx(np.sqrt(0.04 + 0.03), rel=0.02)
-
-
-def test_rollouts_of_the_same_plant_do_not_diverge_and_others_do():
-    rng = np.random.default_rng(0)
-    start, actions = rng.uniform(-0.05, 0.05, (5, 4)), rng.choice([-10.0, 10.0], (5, 30, 1))
-    paths = roll_out(PLANT, start, actions, rng)
-    assert paths.shape == (5, 31, 4)
-    assert np.all(divergence(paths, roll_out(PLANT, start, actions, rng), PLANT.state) == 0.0)
-    other = SimulatorPlant(CARTPOLE, {**PLANT.parameters, "cart_mass": 2.0}, "euler", 0.02)
-    distance = divergence(roll_out(other, start, actions, rng), paths, PLANT.state)
-    assert distance[:, 0].max() == 0.0
-    assert distance[:, -1, 0].min() > 0.0
-    band = bands(distance, PLANT.state)["x"]
-    assert np.all(np.array(band["q10"]) <= np.array(band["median"]))
-    assert len(band["q90"]) == 31
 
 
 @pytest.mark.filterwarnings("error")

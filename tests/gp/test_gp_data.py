@@ -46,15 +46,6 @@ def test_more_distinct_rows_than_an_exact_fit_takes_are_refused(monkeypatch: pyt
     assert fit(inputs, targets, QUICK, rng).data.counts.size == 20
 
 
-def test_a_single_row_predicts_its_target_and_warns() -> None:
-    process = fit([[1.0, 2.0]], [5.0], QUICK, np.random.default_rng(0))
-    means, variances = Predictor([process]).mean_and_variance([[1.0, 2.0], [3.0, 2.0]])
-    assert means[0, 0] == pytest.approx(5.0, abs=1e-6)
-    assert np.all(np.isfinite(variances))
-    assert process.report is not None
-    assert any("cannot determine" in text for text in process.report.warnings)
-
-
 def test_a_constant_column_is_harmless_and_named() -> None:
     rng = np.random.default_rng(1)
     inputs = np.column_stack([rng.normal(size=40), np.full(40, 0.1)])

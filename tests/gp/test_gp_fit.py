@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
-
 import numpy as np
 import pytest
 
@@ -18,7 +15,6 @@ from gpsim.gp import (
     covariance,
     fit,
     fit_outputs,
-    log_marginal_likelihood,
     to_arrays,
 )
 from gpsim.gp.exact import Likelihood
@@ -56,26 +52,6 @@ def test_known_hyper_parameters_are_recovered_within_four_errors(seed: int) -> N
         assert errors[index] < 0.5
     assert process.report is not None
     assert process.report.converged
-
-
-def test_the_fit_climbs_and_reports_what_it_reached() -> None:
-    rng = np.random.default_rng(1)
-    inputs = rng.normal(size=(60, 2))
-    targets = 40.0 + 5.0 * np.sin(2.0 * inputs[:, 0]) + rng.normal(size=60)
-    process = fit(inputs, targets, FitSettings(), rng)
-    report = process.report
-    assert report is not None
-    assert report.log_marginal_likelihood > report.initial_log_marginal_likelihood
-    assert report.log_marginal_likelihood >= max(report.start_likelihoods) - 1e-9
-    assert len(report.start_likelihoods) == 2
-    assert report.evaluations > report.iterations > 0
-    assert report.log_marginal_likelihood == log_marginal_likelihood(process.data, process.hyper_parameters)
-    # The density of the raw targets: volume shrinks by the scale, once per row.
-    shift = 60 * np.log(process.standardisation.target_scale)
-    assert report.log_marginal_likelihood_original == pytest.approx(report.log_marginal_likelihood - shift)
-    gradient = Likelihood(process.data)(process.hyper_parameters.to_log_vector())[1]
-    assert np.abs(gradient).max() < 1.0
-    json.dumps(report.to_dict(), allow_nan=False)
 
 
 def test_an_iteration_limit_is_an_outcome_with_advice() -> None:
@@ -129,28 +105,6 @@ def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
     new = rng.normal(size=(5, 3))
     expected = Predictor([plain]).mean(new) * 4.0
     np.testing.assert_allclose(Predictor([scaled]).mean(new * factor), expected, rtol=1e-12)
-
-
-def test_replicates_averaged_equal_replicates_kept() -> None:
-    """The sweep of a robot: few distinct inputs, many repeats; same hyper-parameters, same predictions."""
-    rng = np.random.default_rng(7)
-    distinct = rng.uniform(-1.0, 1.0, (20, 2))
-    inputs = distinct[rng.permutation(np.repeat(np.arange(20), rng.integers(1, 12, 20)))]
-    targets = np.sin(2.0 * inputs[:, 0]) + 0.2 * rng.normal(size=len(inputs))
-    averaged = fit(inputs, targets, FitSettings(), np.random.default_rng(0))
-    kept = fit(inputs, targets, FitSettings(average_replicates=False), np.random.default_rng(0))
-    assert averaged.report is not None
-    assert kept.report is not None
-    assert averaged.report.distinct_rows == 20
-    assert averaged.report.rows == kept.report.rows == kept.report.distinct_rows == len(inputs)
-    assert averaged.report.log_marginal_likelihood == pytest.approx(
-        kept.report.log_marginal_likelihood, abs=0.05
-    )
-    # Same hyper-parameters: the posterior is the same to rounding.
-    same = dataclasses.replace(kept, hyper_parameters=averaged.hyper_parameters)
-    assert log_marginal_likelihood(same.data, same.hyper_parameters) == pytest.approx(
-        averaged.report.log_marginal_likelihood, rel=1e-9
-    )
 
 
 def test_same_data_and_seed_give_the_same_bytes() -> None:

@@ -87,19 +87,6 @@ def test_delay_and_lag_are_found_where_commands_change_before_gaps():
     assert (np.add(without.delay, without.time_constant) < total - 0.1).all()
 
 
-def test_lost_rows_do_not_bias_delay_and_lag():
-    """A tenth of the rows is missing; the true filter has seen them all."""
-    rng = np.random.default_rng(4)
-    actions, episode, t = commands(rng, 1200, 6), np.repeat([0, 1, 2], 400), clock(1200)
-    true = CommandFilter((0.13, 0.06), (0.11, 0.25), 0.1)
-    measured = true.arrived(actions, episode, t) + 0.01 * rng.standard_normal((1200, 2))
-    kept = np.sort(rng.permutation(1200)[:1080])
-    found = fit_filter(actions[kept], episode[kept], t[kept], measured[kept], lambda arrived: arrived, 0.1)
-    total = np.add(found.delay, found.time_constant)
-    np.testing.assert_allclose(total, np.add(true.delay, true.time_constant), atol=0.01)
-    np.testing.assert_allclose(found.delay, true.delay, atol=0.015)
-
-
 def test_round_trip_and_foreign_content():
     assert CommandFilter.from_json(FILTER.to_json()) == FILTER
     with pytest.raises(UsageError, match="not a command filter"):

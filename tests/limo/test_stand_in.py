@@ -35,13 +35,6 @@ def test_the_turning_radius_is_the_makers():
     assert v / w == pytest.approx(limo.turning_radius, rel=1e-3)
 
 
-def test_left_and_right_differ_by_their_scales():
-    limo = car(scale_left=0.9, scale_right=1.1)
-    (_, left), (_, right) = settle(limo, 0.2, 0.1), settle(limo, 0.2, -0.1)
-    assert left == pytest.approx(0.2 * np.tan(0.9 * np.arctan(0.1)) / 0.2, rel=1e-3)
-    assert right == pytest.approx(-0.2 * np.tan(1.1 * np.arctan(0.1)) / 0.2, rel=1e-3)
-
-
 def test_the_motor_answers_after_the_delay_and_then_by_its_lag():
     """Distance of a straight start: v (t - T (1 - exp(-t / T))), t from the end of the delay."""
     limo = car(substeps=40)

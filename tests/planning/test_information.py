@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_posteriors import LAG_OR_DELAY, NOISE, made_machine, made_posterior
 
-from gpsim.planning.information import nothing_played, precisions, separations, summed
+from gpsim.planning.information import separations, summed
 from gpsim.planning.models import model_of
 
 
@@ -34,14 +34,3 @@ def test_nats_are_what_is_left_of_the_difference_after_the_best_mimicry(played):
             left = np.linalg.lstsq(np.vstack([slopes, prior]), wanted, rcond=None)[1]
             ways.append(0.5 * left[0])
         assert nats[e] == pytest.approx(min(ways), rel=1e-5)
-
-
-def test_sums_over_two_stretches_are_those_of_both(played):
-    models, said = played
-    noise = np.array(list(NOISE.values()))
-    whole = summed(models, said, noise)
-    parts = [summed(models, [s[:, :, cut] for s in said], noise) for cut in (slice(0, 40), slice(40, None))]
-    assert separations(models, parts[0].plus(parts[1])) == pytest.approx(separations(models, whole), rel=1e-9)
-    assert separations(models, nothing_played(models)) == pytest.approx(0.0)
-    assert precisions(models[0], nothing_played(models)) == pytest.approx(0.0)
-    assert (precisions(models[0], whole) > 0.1).all()

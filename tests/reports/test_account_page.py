@@ -81,24 +81,6 @@ def test_every_hypothesis_says_why_it_is_not_the_account_and_a_better_one_why_it
     assert "(this file does not say why)" in rows[2]
 
 
-def test_on_a_narrow_screen_tables_stack_and_each_number_says_what_it_is():
-    """Looked at in a browser, 500 pixels wide: nothing is cut. What makes it so is in the page."""
-    text = told(partial())
-    viewport = ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"})
-    assert viewport in check_policy(text).elements
-    narrow = text.partition("@media (max-width: 40rem)")[2].partition("</style>")[0]
-    for rule in ("td { display: block; }", "th { display: none; }", "content: attr(data-head)", "pre-wrap"):
-        assert rule in narrow
-    tables = re.findall(r"<table.*?</table>", text, re.DOTALL)
-    stacked = [t for t in tables if "<th" in t and t not in first_screen(text)] + [tables[0]]
-    assert len(stacked) > 3
-    for table in stacked:
-        for row in re.findall(r"<tr(?!><th).*?</tr>", table, re.DOTALL):
-            _, *cells = re.findall(r"<td[^>]*>", row)
-            assert cells
-            assert all('data-head="' in cell for cell in cells), row
-
-
 @pytest.mark.parametrize("verdict", RICH)
 def test_the_first_screen_is_the_account(verdict):
     diagnosis = RICH[verdict]()

@@ -47,15 +47,6 @@ def test_a_page_of_the_same_data_has_the_same_bytes(make_report: Any) -> None:
         assert render(make_report(2)) == first
 
 
-@pytest.mark.parametrize("make", FIGURES)
-def test_every_axis_is_labelled(make: Any, make_report: Any) -> None:
-    figure = make(make_report())
-    lowest = [axis for axis in figure.axes if axis.get_subplotspec().is_last_row()]
-    assert lowest
-    assert all(axis.get_xlabel() for axis in lowest)
-    assert any("[" in text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()))
-
-
 TEX = st.text(st.sampled_from("$\\_^{}%&#~ a"), max_size=12)
 ANY = st.one_of(TEX, st.text(max_size=30), st.text(max_size=300))
 
@@ -92,18 +83,6 @@ def test_a_formula_shows_its_dollars():
     make_literal(figure)
     assert axes[0, 0].title.get_window_extent().width > 2 * as_formula
     assert axes[0, 0].title.get_text() == "$x$"
-
-
-@given(name=st.text(max_size=250), most=st.integers(1, 60))
-def test_a_shortened_name_keeps_its_ends(name, most):
-    short = shortened(name, most)
-    assert len(short) <= most
-    if len(name) <= most:
-        assert short == name
-    else:
-        begin, end = short.split("…", 1) if short.count("…") == 1 else (short[:0], short[:0])
-        assert name.startswith(begin)
-        assert name.endswith(end)
 
 
 def test_rollouts_show_what_is_no_velocity_whatever_it_is_called(make_report: Any) -> None:

@@ -17,8 +17,8 @@ from gpsim.reports import loop_page, loop_sheets
 from gpsim.reports.canvas import page_of, resource
 from gpsim.reports.loop_figures import figure_returns
 from gpsim.reports.loop_page import render, terminal_notes, terminal_tables
-from gpsim.reports.loop_report import LoopReport, TripReport
-from gpsim.reports.loop_sheets import gp_warnings, paragraph, return_sheets, success_sheets
+from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.loop_sheets import gp_warnings, paragraph, return_sheets
 from gpsim.reports.prove_page import section
 from gpsim.reports.sheets import Sheet, row
 
@@ -51,17 +51,6 @@ def without_target(make_report: Make) -> LoopReport:
     starts = {**report.starts, "returns": report.starts["returns_certified"]}
     share = {**report.summary["share"], "returns": report.summary["share"]["returns_certified"]}
     return replace(summed(report, returns=report.summary["returns_certified"], share=share), starts=starts)
-
-
-def to_goals(report: LoopReport) -> LoopReport:
-    """The same returns, of a task with a goal."""
-    reached = {name: values >= 500.0 for name, values in report.returns.items()}
-    trips = TripReport(reached=reached, steps=reached, path=reached, behind=np.zeros(60, dtype=np.bool_))
-    success = {
-        key.replace("returns", "success"): {name: {"rate": 0.5} for name in report.policies}
-        for key in report.starts
-    }
-    return replace(summed(report, **success), trips=trips, earns_steps=False, held=10)
 
 
 def test_nothing_from_outside_the_page_as_it_is_drawn(make_report: Make) -> None:
@@ -175,14 +164,6 @@ def test_without_a_target_policy_nobody_speaks_of_one(make_report: Make) -> None
     assert "the starts that a search over action sequences certifies as solvable" in paragraph(report)
     assert not re.search("that a Target policy|Solved by a Target", render(report))
     assert "that a Target policy of any seed solves" in return_sheets(make_report(2))[0].title
-
-
-def test_the_starts_of_a_goal_are_certified_by_geometry(make_report: Make) -> None:
-    for report in (make_report(2), without_target(make_report)):
-        goals = to_goals(report)
-        titles = " ".join(sheet.title for sheet in (*success_sheets(goals), *return_sheets(goals)))
-        assert "action sequences" not in titles
-        assert "geometry of arcs and straights certifies" in titles
 
 
 @pytest.mark.parametrize(

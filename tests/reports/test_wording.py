@@ -82,13 +82,6 @@ def test_every_family_of_the_catalogue_is_said(family):
         assert re.fullmatch(r".+ on q \(.+\) was left out", effect_sentence(effect))
 
 
-def test_a_sentence_says_parameters_that_its_family_has():
-    for family, effect in FAMILIES.items():
-        told = set(re.findall(r"{(\w+)}", effect.sentence)) - {"on"}
-        if effect.sentence:
-            assert told <= {p.name for p in effect.parameters(PLACE)}, family
-
-
 @pytest.mark.parametrize(
     ("effect", "said"),
     [
