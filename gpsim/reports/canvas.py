@@ -135,17 +135,10 @@ def _letters() -> frozenset[int]:
 
 
 @contextmanager
-def defaults() -> Iterator[None]:
-    """Matplotlib's defaults, whatever the caller's own settings are."""
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        yield
-
-
-@contextmanager
 def style() -> Iterator[None]:
     """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
-    with defaults():
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
         yield
 

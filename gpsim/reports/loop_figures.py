@@ -187,10 +187,8 @@ def figure_trips(report: LoopReport) -> Figure | None:
             _draw_trips(axis, targets[name], trips.paths["goal"][0], trips.goal_radius, norm)
             for path in trips.paths[f"simulator/{name}"]:
                 axis.plot(path[:, 0], path[:, 1], ":", color=INK, linewidth=0.9, alpha=0.75, zorder=2)
-            _square(axis, trips.arena)
-            _square(axis, trips.floor)
+            _frame(axis, half, trips.arena, trips.floor)
             axis.set_title(f"{name}: {_reached(trips, name)}")
-            axis.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
         for axis in axes.flat[len(names) :]:
             axis.set_visible(False)
         for axis in axes[:, 0]:
@@ -215,10 +213,9 @@ def figure_deployed(
         figure, axes = panels(1, 1, (6.2, 5.2))
         axis = axes[0, 0]
         _draw_trips(axis, padded, goal, goal_radius, norm)
-        _square(axis, floor)
         half = min(1.15 * max(float(np.nanmax(np.abs(padded[..., :2]))), 0.5), 1.05 * floor / 2.0)
-        axis.set(xlim=(-half, half), ylim=(-half, half), xlabel="x [m]", ylabel="y [m]", aspect="equal")
-        axis.set_title("Recorded deployments")
+        _frame(axis, half, floor)
+        axis.set(xlabel="x [m]", ylabel="y [m]", title="Recorded deployments")
         bar = figure.colorbar(LineCollection([], cmap="viridis", norm=norm), ax=axis, shrink=0.8)
         bar.set_label("steps")
         return figure
@@ -249,6 +246,9 @@ def _reached(trips: TripReport, name: str) -> str:
     return f"{int(there.sum())} of {len(there)}"
 
 
-def _square(axis: Axes, edge: float) -> None:
+def _frame(axis: Axes, half: float, *edges: float) -> None:
+    """What is shown of a floor [m] about the origin, and dashed squares."""
+    axis.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
     look: dict[str, Any] = {"fill": False, "color": FAINT, "linewidth": 0.9, "linestyle": "--"}
-    axis.add_patch(Rectangle((-edge / 2.0, -edge / 2.0), edge, edge, **look))
+    for edge in edges:
+        axis.add_patch(Rectangle((-edge / 2.0, -edge / 2.0), edge, edge, **look))

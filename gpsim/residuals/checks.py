@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -112,31 +112,13 @@ def check_varies(recording: Recording) -> None:
         column = int(constant[0])
         first, last = recording.episodes[0].name, recording.episodes[-1].name
         value = f"{rows[0, column] + 0.0:g}" if len(rows) else "absent"
+        more = "; a part that is held still on purpose needs a simulator without it (--simulator FILE.py:ClassName)"
+        if column >= len(recording.state):
+            more = ": a command that never changes teaches nothing"
         raise UsageError(
             f"channel {channels[column]} is constant ({value}) from episode {first}, row 0 to episode {last}, "
-            f"row {len(recording.episodes[-1])}: {_remedy(recording, column)}"
+            f"row {len(recording.episodes[-1])}: check the sensor, or record data in which it moves{more}"
         )
-
-
-def _remedy(recording: Recording, column: int) -> str:
-    if column >= len(recording.state):
-        return (
-            "check the sensor, or record data in which it moves: a command that never changes teaches nothing"
-        )
-    return (
-        "check the sensor, or record data in which it moves; a part that is held still on purpose needs a simulator "
-        "without it (--simulator FILE.py:ClassName)"
-    )
-
-
-class _Described(TypedDict):
-    system: str
-    state: Channels
-    action: Channels
-    parameters: dict[str, float]
-    optional: Collection[str]
-    integrator: str
-    stand_ins: Mapping[str, tuple[str, ...]]
 
 
 def read_table(path: Path, simulator: Simulator) -> Recording:
@@ -151,19 +133,18 @@ def table_recording(
     return recording_of(columns_of(table), where, dt=dt, **_described(simulator))
 
 
-def _described(simulator: Simulator) -> _Described:
+def _described(simulator: Simulator) -> dict[str, Any]:
     """Its channels, of which those may be absent that a diagnosis can estimate."""
+    velocities = sorted(simulator.velocities) if simulator.guesses_speeds else ()
     return {
         "system": simulator.name,
         "state": simulator.state,
         "action": simulator.action,
         "parameters": simulator.defaults(),
-        "optional": simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
+        # Without a system of one's own: those with a guess, and the velocities of a MuJoCo model.
+        "optional": simulator.state.names
+        if simulator.name in SIMULATORS
+        else (*simulator.start, *velocities),
         "integrator": simulator.integrator,
         "stand_ins": simulator.stand_ins,
     }
-
-
-def _optional(simulator: Simulator) -> tuple[str, ...]:
-    """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
-    return (*simulator.start, *(sorted(simulator.velocities) if simulator.guesses_speeds else ()))

@@ -13,8 +13,7 @@ from gpsim.artifacts import Recipe, Store
 from gpsim.environments import BatchedEnv, Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.policies import Policy
-from gpsim.policies.export import to_onnx
-from gpsim.policies.ros_node import ros_node
+from gpsim.policies.export import ros_node, to_onnx
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
@@ -111,27 +110,20 @@ def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
         "max_steps": 80,
         "floor": 6.0,
     }
-    config = {"task": task, "simulator": {"dt": 0.1}}
-    for name, section in (("own", task), ("default", {"name": "goal"})):
-        made = Store(tmp_path / name, "limo").publish(
-            Recipe("train-source", {**config, "task": section}, {}, {}),
-            lambda folder: write_policy(folder, policy),
-        )
-        export_policy(made.path, tmp_path / f"deploy_{name}")
-    node = (tmp_path / "deploy_own" / "drive_to_goal.py").read_text()
-    assert '"~goal_x", 1.25), rospy.get_param("~goal_y", 0.75)' in node
-    assert '"~max_steps", 80)' in node
-    assert '"~goal_radius", 0.1)' in node
-    assert "_goal_x:=1.25 _goal_y:=0.75" in node
-    second = tmp_path / "deploy_own" / "drive_to_goal_ros2.py"
+    recipe = Recipe("train-source", {"task": task, "simulator": {"dt": 0.1}}, {}, {})
+    made = Store(tmp_path / "own", "limo").publish(recipe, lambda folder: write_policy(folder, policy))
+    export_policy(made.path, tmp_path / "deploy")
+    first, second = (tmp_path / "deploy" / f"drive_to_goal{ros}.py" for ros in ("", "_ros2"))
+    node = first.read_text()
+    for words in (
+        '"~goal_x", 1.25), rospy.get_param("~goal_y", 0.75)', '"~max_steps", 80)', '"~goal_radius", 0.1)',
+        "_goal_x:=1.25 _goal_y:=0.75", 'rospy.get_param("~limit", 3)',
+    ):  # fmt: skip
+        assert words in node
     assert "-p goal_x:=1.25 -p goal_y:=0.75" in second.read_text()
     assert second.stat().st_mode & 0o111
-    compile(second.read_text(), second.name, "exec")
-    assert 'rospy.get_param("~limit", 3)' in node
-    compile(node, "drive_to_goal.py", "exec")
-    node = (tmp_path / "deploy_default" / "drive_to_goal.py").read_text()
-    assert '"~goal_x", 0.5), rospy.get_param("~goal_y", -0.5)' in node
-    assert '"~max_steps", 500)' in node
+    for path in (first, second):
+        compile(path.read_text(), path.name, "exec")
 
 
 def run(monkeypatch, capsys, *words):

@@ -14,7 +14,7 @@ from gpsim.corrected import CommandFilter, CorrectedPlant, Features, GpCorrectio
 from gpsim.evaluation import Monitor, MonitorSettings, Usual
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.policies import Policy
-from gpsim.policies.ros_node import ros_node
+from gpsim.policies.export import ros_node
 from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages.export import facts_of
 

@@ -72,10 +72,3 @@ def test_impossible_figures_are_refused():
 def test_the_camera_looks_a_whole_number_of_times_in_a_step(rate, samples, nearest):
     with pytest.raises(ValueError, match=f"in a step of 0.1 s, got {samples}; .* is {nearest} Hz"):
         car(mocap_rate=rate, substeps=24)
-
-
-@pytest.mark.parametrize(("rate", "substeps"), [(120.0, 24), (100.0, 20), (30.0, 21), (10.0, 20)])
-def test_what_the_camera_sees_comes_at_its_rate(rate, substeps):
-    limo = car(mocap_rate=rate, substeps=substeps)
-    seen = limo.glimpses(np.zeros((1, 3)), np.zeros((1, 2)), limo.begin(1, np.random.default_rng(0)))
-    assert seen.shape[1] == round(0.1 * rate)
