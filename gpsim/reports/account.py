@@ -17,7 +17,6 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.findings import (
     Claims,
-    EndErrors,
     Estimate,
     JudgedOn,
     Leads,
@@ -46,12 +45,11 @@ from gpsim.reports.quantities import (
     is_open,
     listed,
     percent,
-    share_text,
     shortened,
     size_text,
     spelled,
 )
-from gpsim.reports.sheets import MISSING, Cell, Sheet, row, sheet, unit, with_unit
+from gpsim.reports.sheets import unit
 from gpsim.reports.wording import worded
 from gpsim.simulators import lives_here
 
@@ -354,16 +352,17 @@ def _sizes(effect: NamedEffect, parameter: str, names: Sequence[str]) -> str:
     own = [name for name in names if parameter in (effect.own or {}).get(name, {})]
     others = [name for name in names if name not in own]
     each = names if len(names) <= 2 else own
-    said = [f"{_size(effect, parameter, name)} in {shortened(name)}" for name in each[:MOST]]
+    said = [f"{size_in(effect, parameter, name)} in {shortened(name)}" for name in each[:MOST]]
     if len(each) > MOST:
         said.append(f"{len(each) - MOST} more in the table")
     if len(names) > 2 and others:
         where = f"in {shortened(others[0])}" if len(others) == 1 else "in the others"
-        said.append(f"{_size(effect, parameter, others[0])} {where}")
+        said.append(f"{size_in(effect, parameter, others[0])} {where}")
     return ", ".join(said)
 
 
-def _size(effect: NamedEffect, parameter: str, recording: str) -> str:
+def size_in(effect: NamedEffect, parameter: str, recording: str) -> str:
+    """A parameter as it is in one recording."""
     found = value_in(effect, parameter, recording)
     return "none" if found is None else size_text(parameter, found)
 
@@ -392,46 +391,7 @@ def _change(effect: NamedEffect, names: Sequence[str]) -> str:
     return f"{verb} by {in_percent(abs(ratio - 1.0))} % from {shortened(names[0])} to {shortened(names[1])}"
 
 
-def recordings_sheet(diagnosis: Diagnosis) -> Sheet:
-    """A column a recording; no rows where there is one alone."""
-    recordings = diagnosis.recordings or ()
-    note = "Errors: root mean square at the end of rollouts, of the base → with the account."
-    if any(recording.from_others is not None for recording in recordings):
-        note += (
-            " From the others: the account with what all other recordings say, on the whole of this one; what its own "
-            "sensors add stays its own."
-        )
-    heads = ("", *(recording.name for recording in recordings))
-    return sheet("Recordings", heads, _rows(diagnosis, recordings) if recordings else (), note=note)
-
-
-def _rows(diagnosis: Diagnosis, recordings: Sequence[OneRecording]) -> Iterator[tuple[Cell, ...]]:
-    def share(part: Share | None) -> str:
-        return "nothing to explain" if part is None else share_text(part)
-
-    def ends(errors: EndErrors | None) -> str:
-        return MISSING if errors is None else f"{brief(errors.before)} → {brief(errors.after)}"
-
-    others = [r.from_others for r in recordings]
-    yield row("transitions", *(str(r.transitions) for r in recordings))
-    yield row("held out", *map(_episodes, recordings))
-    yield row("explained", *(share(r.explained) for r in recordings))
-    if any(o is not None for o in others):
-        yield row("explained, from the others", *(share(o.explained) if o else MISSING for o in others))
-    for effect in diagnosis.effects:
-        for name in effect.parameters if effect.own else ():
-            label = f"{effect_name(effect)}, {name.replace('_', ' ')}"
-            yield row(label, *(_size(effect, name, r.name) for r in recordings))
-    after = f"after {diagnosis.fit.rollout.horizon_s:.3g} s"
-    units = {name: e.unit for r in recordings for name, e in r.rollout.items()}
-    for channel in units:
-        yield row(f"{with_unit(channel, units)} {after}", *(ends(r.rollout.get(channel)) for r in recordings))
-    for channel in units if any(o and o.rollout for o in others) else ():
-        label = f"{with_unit(channel, units)}, from the others"
-        yield row(label, *(ends(o.rollout.get(channel) if o else None) for o in others))
-
-
-def _episodes(recording: OneRecording) -> str:
+def episodes_text(recording: OneRecording) -> str:
     """The names of its held-out episodes, without its own in front of them."""
     names = [name.removeprefix(f"{recording.name}/") for name in recording.held_out]
     shown = ", ".join(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")

@@ -12,13 +12,14 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
 from gpsim.findings import Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.reports import diagnosis_text as words
-from gpsim.reports.account import Account, account_of, recordings_sheet
+from gpsim.reports.account import Account, account_of, episodes_text, size_in
 from gpsim.reports.account_effects import Row, effect_name
 from gpsim.reports.canvas import FAINT, SEGMENTS
 from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
 from gpsim.reports.pages import fragment_of, page_of, resource
-from gpsim.reports.quantities import in_percent, number, odds_text, percent, share_text, size_text
+from gpsim.reports.quantities import brief, in_percent, number, odds_text, percent, share_text, size_text
 from gpsim.reports.robot_figure import ROBOT
+from gpsim.reports.sheets import with_unit
 from gpsim.reports.statistics_text import trace_lines
 
 MOST_LINES, MOST_CHANGES = 9, 6
@@ -79,7 +80,11 @@ def page(
         front=[pictures[key] for key in first if key in pictures],
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
-        recordings=recordings_sheet(diagnosis),
+        episodes_text=episodes_text,
+        size_in=size_in,
+        brief=brief,
+        with_unit=with_unit,
+        units={name: e.unit for r in diagnosis.recordings or () for name, e in r.rollout.items()},
         diagnosis=diagnosis,
         words=words,
         effect_name=effect_name,
