@@ -10,7 +10,6 @@ from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
-from gpsim.findings import Kind, Ratio, RolloutErrors, StepErrors
 from gpsim.reports import diagnosis_text as words
 from gpsim.reports.account import Account, account_of, episodes_text, size_in
 from gpsim.reports.account_effects import Row, effect_name
@@ -24,14 +23,6 @@ from gpsim.reports.statistics_text import trace_lines
 
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
-KINDS: Mapping[Kind, str] = {
-    "before": "base",
-    "tuned": "base tuned",
-    "gp": "base + GP",
-    "after": "base + effects",
-    "after_gp": "base + effects + GP",
-    "noise_floor": "noise floor",
-}
 
 
 def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
@@ -69,10 +60,9 @@ def page(
         sentence=account.sentence[:1].upper() + account.sentence[1:],
         most_rows=_first_rows(account.rows),
         most_changes=MOST_CHANGES,
-        tint=_tint,
-        kinds=KINDS,
+        colours=MOST,
         number=number,
-        share=_share,
+        in_percent=in_percent,
         tables={
             "One step ahead on held-out data": diagnosis.fit.one_step,
             **({f"After {runs.horizon_s:.3g} s on held-out data": runs.channels} if runs.channels else {}),
@@ -115,19 +105,3 @@ def _bars() -> str:
     """Lengths and colours of bars as rules of the style sheet: the policy lets no inline styles in."""
     lengths = "".join(f".w{i} {{ width: {i}%; }}\n" for i in range(101))
     return lengths + "".join(f".c{i} {{ background: {c}; }}\n" for i, c in enumerate((*SEGMENTS, FAINT)))
-
-
-def _tint(row: Row, index: int) -> str:
-    """The classes of a row's bar: its length, and the colour of its part in the picture."""
-    return f"w{round(100 * min(max(row.share or 0.0, 0.0), 1.0))} c{min(index, MOST)}"
-
-
-def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
-    """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
-    left: Ratio | None = getattr(errors.over_before, kind, None)  # none of the base and of the noise floor
-    if left is None or left.value is None:
-        return ""
-    text = in_percent(left.value)
-    if left.low is None or left.high is None:
-        return text
-    return f"{text} ({in_percent(left.low)} to {in_percent(left.high)})"

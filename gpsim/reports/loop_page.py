@@ -30,13 +30,13 @@ from gpsim.reports.loop_sheets import (
     fit_sheet,
     gp_warnings,
     one_step_sheet,
-    paragraph,
     return_sheets,
     rollout_sheet,
     success_sheets,
+    worst_steps,
 )
 from gpsim.reports.pages import page_of, resource
-from gpsim.reports.sheets import Cell, Sheet, literal, printable
+from gpsim.reports.sheets import Cell, Sheet, known, literal, printable, whole_percent
 
 HEADER = (
     12  # characters a line of a column's head may hold: heads must not make a table wider than a terminal
@@ -60,7 +60,9 @@ def render(report: LoopReport) -> str:
         resource("loop_report.css") + _tints(colour),
         report=report,
         tints={name: f"tint-{i}" for i, name in enumerate(colour)},
-        paragraph=paragraph(report),
+        worst_steps=worst_steps(report),
+        known=known,
+        whole_percent=whole_percent,
         cards=cards(report),
         success_sheets=success_sheets(report),
         return_sheets=return_sheets(report),

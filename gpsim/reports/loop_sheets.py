@@ -71,9 +71,10 @@ def _returns(report: LoopReport, starts: str) -> Sheet:
         return [Cell(fixed(means.get(seed)), marked=seed in low) for seed in report.seeds]
 
     count = len(report.starts[starts]) if starts in report.starts else 0
-    share = f" ({count})" if count else ""
-    if starts != ALL:
-        share = _share(report, starts, f" ({{}}{f' of {count}' if count else ''})")
+    part = (report.summary.get("share") or {}).get(starts)
+    share = f" ({whole_percent(part)}{f' of {count}' if count else ''})" if known(part) else ""
+    if starts == ALL:
+        share = f" ({count})" if count else ""
     note = "" if starts in report.start_sets else "No start belongs to this set."
     listed = [f"{policy} with seed {s} ({fixed(m)})" for policy, low in short.items() for s, m in low.items()]
     if listed and not note:
@@ -97,12 +98,6 @@ def _failing(report: LoopReport, starts: str) -> dict[str, dict[int, float]]:
         for name in report.policies
         if name in EXPECTED_TO_SUCCEED
     }
-
-
-def _share(report: LoopReport, starts: str, text: str) -> str:
-    """A text with the share of all starts that belong to a set; empty where nobody knows it."""
-    share = (report.summary.get("share") or {}).get(starts)
-    return text.format(whole_percent(share)) if known(share) else ""
 
 
 def _by_policy(
@@ -173,12 +168,12 @@ def _successes(report: LoopReport, same: Sequence[str]) -> Sheet:
 
 @dataclass(frozen=True)
 class Card:
-    """A headline number; said: in a sentence with others."""
+    """A headline number; more: a share of it in the template's words, empty where there is none."""
 
     policy: str
     value: str
     words: str
-    said: str
+    more: str = ""
 
 
 def cards(report: LoopReport) -> list[Card]:
@@ -186,57 +181,36 @@ def cards(report: LoopReport) -> list[Card]:
     starts = next(iter(report.start_sets), "")
     if report.trips is not None:
         trips = {n: _trips(report, starts, n) for n in ("Source", *CORRECTED, "Target")}
-        values = {
-            n: whole_percent(found.get("rate")) for n, found in trips.items() if known(found.get("rate"))
-        }
-        return [Card(n, value, WORDS[n], _goal(n, value, trips[n])) for n, value in values.items()]
+        shares = {n: found["rate"] for n, found in trips.items() if known(found.get("rate"))}
+        return [Card(n, whole_percent(share), WORDS[n], _goal(n, trips[n])) for n, share in shares.items()]
     means: dict[str, Any] = {name: report.stats(starts, name).get("mean") for name in WORDS}
     corrected = next((name for name in CORRECTED if known(means[name])), "Source")
-    shown = {name: fixed(means[name]) for name in ("Source", corrected, "Target") if known(means[name])}
-    target, best = means["Target"], "" if report.own_rewards else f" of {report.best_return:g}"
-    of = f" ({whole_percent(means[corrected] / target)} of Target)" if known(target) and target > 0 else ""
-    said = {
-        name: f"the policy {WORDS[name]} ({name}) earns {value}{of}"
-        for name, value in shown.items()
-        if name == corrected
-    }
-    said["Source"] = (
-        f"the policy trained in the plain simulator earns {shown.get('Source')}{best} on the target"
+    target, shown = means["Target"], dict.fromkeys(("Source", corrected, "Target"))
+    of = (
+        whole_percent(means[corrected] / target)
+        if known(means[corrected]) and known(target) and target > 0
+        else ""
     )
-    said["Target"] = f"the reachable optimum, trained on the target itself, earns {shown.get('Target')}"
-    return [Card(name, value, WORDS[name], said[name]) for name, value in shown.items()]
+    return [Card(n, fixed(means[n]), WORDS[n], of * (n == corrected)) for n in shown if known(means[n])]
 
 
-def _goal(policy: str, value: str, found: Stats) -> str:
-    """Who reaches the goal, and how directly."""
-    text = f"{policy}, {WORDS[policy]}, reaches the goal from {value} of the starts"
-    if policy == "Source" and known(found.get("behind")):
-        text += f" ({whole_percent(found['behind'])} of those that face away)"
+def _goal(policy: str, found: Stats) -> str:
+    """Of Source's trips that face away how many reach it; of others over how many of Target's steps."""
+    if policy == "Source":
+        return whole_percent(found["behind"]) if known(found.get("behind")) else ""
     ratio = (found.get("of_target") or {}).get("steps")
-    return f"{text} in {ratio:.2f} of Target's steps" if policy in CORRECTED and known(ratio) else text
+    return f"{ratio:.2f}" if policy in CORRECTED and known(ratio) else ""
 
 
-def paragraph(report: LoopReport) -> str:
-    """Plain words with the headline numbers, and what they are of where that is not what was recorded."""
-    shown, measured = cards(report), report.summary.get("measured_on")
-    why = report.summary.get("not_driven")
-    text = f"No policy was evaluated on the target{f': {why}' if why else ''}."
-    if shown:
-        starts = report.start_sets[0]
-        seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
-        of = _share(report, starts, ", {} of all") if starts != ALL else ""
-        text = "; ".join(card.said for card in shown)
-        text = f"{text[0].upper()}{text[1:]}. {'Shares' if report.trips else 'Mean returns'} over {seeds} and the "
-        text += f"{report.set_words[starts].removeprefix('all ')}{of}."
-    said = []
+def worst_steps(report: LoopReport) -> dict[str, str]:
+    """The data that one step was scored on -> NRMSE of the worse rate."""
+    worst = {}
     for key, words in data_of(report).items():
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         if finite := [error for error in errors if known(error)]:
             before = {"one_step": "the ", "one_step_random": "data of "}[key]
-            said.append(f"{percent(max(finite))} on {before}{words.removeprefix(before)}")
-    if said:
-        text += f" One step ahead the correction errs by {' and '.join(said)} (NRMSE of the worse rate)."
-    return text + (f" Measured on {measured}." if measured else "")
+            worst[before + words.removeprefix(before)] = percent(max(finite))
+    return worst
 
 
 def data_of(report: LoopReport) -> dict[str, str]:
