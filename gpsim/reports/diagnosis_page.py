@@ -16,9 +16,7 @@ from gpsim.reports.account_effects import Row, effect_name
 from gpsim.reports.canvas import FAINT, SEGMENTS
 from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
 from gpsim.reports.pages import fragment_of, page_of, resource
-from gpsim.reports.quantities import brief, in_percent, number, odds_text, percent, share_text, size_text
 from gpsim.reports.robot_figure import ROBOT
-from gpsim.reports.sheets import with_unit
 from gpsim.reports.statistics_text import trace_lines
 
 MOST_LINES, MOST_CHANGES = 9, 6
@@ -31,7 +29,6 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
         "account.html.jinja",
         style=Markup(resource("account.css")),
         account=account,
-        sentence=account.sentence[:1].upper() + account.sentence[1:],
         pictures=pictures,
     )
 
@@ -51,37 +48,23 @@ def page(
     effect goes.
     """
     first, account = front_of(diagnosis), account_of(diagnosis, simulator=simulator)
-    runs = diagnosis.fit.rollout
     return page_of(
         "diagnosis.html.jinja",
         resource("diagnosis.css") + _bars(),
         name=name,
         account=account,
-        sentence=account.sentence[:1].upper() + account.sentence[1:],
         most_rows=_first_rows(account.rows),
         most_changes=MOST_CHANGES,
         colours=MOST,
-        number=number,
-        in_percent=in_percent,
-        tables={
-            "One step ahead on held-out data": diagnosis.fit.one_step,
-            **({f"After {runs.horizon_s:.3g} s on held-out data": runs.channels} if runs.channels else {}),
-        },
         front=[pictures[key] for key in first if key in pictures],
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
         episodes_text=episodes_text,
         size_in=size_in,
-        brief=brief,
-        with_unit=with_unit,
         units={name: e.unit for r in diagnosis.recordings or () for name, e in r.rollout.items()},
         diagnosis=diagnosis,
         words=words,
         effect_name=effect_name,
-        share_text=share_text,
-        percent=percent,
-        odds_text=odds_text,
-        size_text=size_text,
         model=model,
         not_asked=words.not_asked_lines(diagnosis.not_asked),
         ranking="\n".join(words.ranking(diagnosis)),

@@ -19,7 +19,7 @@ from gpsim.reports.canvas import INK, data_uri, named, panels, style
 from gpsim.reports.diagnosis_text import gate_text
 from gpsim.reports.pages import page_of, resource
 from gpsim.reports.quantities import shortened, size_text
-from gpsim.reports.sheets import MISSING, whole_percent
+from gpsim.reports.sheets import MISSING
 
 WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
 TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
@@ -250,7 +250,6 @@ def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
         differences=found,
         odd=odd,
         effects_of=_effects,
-        whole_percent=whole_percent,
         accounts=list(zip((robot.name for robot in robots), accounts, strict=True)),
     )
 

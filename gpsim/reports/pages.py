@@ -13,7 +13,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from gpsim.reports import quantities
+from gpsim.reports import quantities, sheets
 from gpsim.reports.quantities import LABEL, shortened
 
 LONGEST_CELL = 48  # letters of a name in a table: its title holds all of them
@@ -60,6 +60,12 @@ def environment(escapes: bool = True) -> Environment:
         loader=FunctionLoader(resource), autoescape=escapes, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
+    # Numbers as a person would say them, by their own names.
+    said = ("brief", "in_percent", "number", "odds_text", "share_text", "size_text")
+    made.globals |= {name: getattr(quantities, name) for name in said}
+    made.globals |= {
+        name: getattr(sheets, name) for name in ("known", "significant", "whole_percent", "with_unit")
+    }
     made.filters |= {
         "spelled": quantities.spelled,
         "listed": quantities.listed,

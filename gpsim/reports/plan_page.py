@@ -17,7 +17,7 @@ from gpsim.planning import FIXED, Plan
 from gpsim.reports.canvas import FAINT, OTHERS, data_uri, legend_above, named, panels, style
 from gpsim.reports.pages import page_of, resource, text_of
 from gpsim.reports.quantities import LABEL
-from gpsim.reports.sheets import percent, significant, unit
+from gpsim.reports.sheets import percent, unit
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
@@ -52,7 +52,6 @@ def plan_page(plan: Plan, state: Channels, action: Channels, box: Mapping[str, S
         picture=data_uri(plan_figure(plan, state, action, box)),
         plan=plan,
         fixed=FIXED,
-        significant=significant,
     )
 
 
