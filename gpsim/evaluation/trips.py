@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.environments import Act, Episodes
-from gpsim.evaluation.returns import bootstrap_interval
+from gpsim.environments import Act
+from gpsim.evaluation.returns import bootstrap_interval, play
 from gpsim.simulators import Plant
 from gpsim.tasks import GoalReaching, Start
 
@@ -93,22 +93,14 @@ class Trips:
 
 def take_trips(plant: Plant, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator) -> Trips:
     """Drive from every start until the goal, the edge or the last step."""
-    count = len(start.states)
-    running = Episodes(plant, task, count, rng)
-    observations = running.begin(start)
-    alive, reached = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
-    returns, steps = np.zeros(count), np.zeros(count)
-    paths = [running.states]
-    for _ in range(task.max_steps):
-        rewards, terminated, _ = running.step(act(observations))
+    reached = np.zeros(len(start.states), dtype=np.bool_)
+    returns, steps = np.zeros((2, len(start.states)))
+    paths = [start.states]
+    for running, alive, earned in play(plant, task, act, start, rng):
         paths.append(np.where(alive[:, None], running.states, np.nan))
-        returns += np.where(alive, rewards, 0.0)
+        returns += earned
         steps += alive
         reached |= alive & task.reached(running.states, running.context)
-        alive &= ~terminated
-        if not alive.any():
-            break
-        observations = running.observe()
     states = np.stack(paths, axis=1)
     return Trips(reached, steps, path_length(states), returns, states)
 

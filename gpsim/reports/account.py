@@ -24,6 +24,7 @@ from gpsim.findings import (
     OneRecording,
     RolloutErrors,
     Share,
+    StepErrors,
     sized,
 )
 from gpsim.mjcf import is_mujoco
@@ -268,23 +269,16 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
             return None
         return brief(value) if value < errors.after and brief(value) != brief(errors.after) else None
 
-    ahead = tuple(
-        Change(
-            name,
-            brief(e.before),
-            after(e.after, e.after_gp),
-            unit(e.unit),
-            brief(e.noise_floor) if e.noise_floor > 0.0 else None,
-        )
-        for name, e in steps.items()
+    def change(name: str, e: StepErrors | RolloutErrors, **beside: str | None) -> Change:
+        return Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), **beside)
+
+    ahead = (
+        change(n, e, noise=brief(e.noise_floor) if e.noise_floor > 0.0 else None) for n, e in steps.items()
     )
-    runs = tuple(
-        Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), black_box=reached(e))
-        for name, e in rollout.channels.items()
-    )
+    runs = (change(n, e, black_box=reached(e)) for n, e in rollout.channels.items())
     return (
-        Fit("one step", ahead, "no rate follows from what was recorded"),
-        Fit(f"after {rollout.horizon_s:.3g} s", runs, "no held-out stretch is as long"),
+        Fit("one step", tuple(ahead), "no rate follows from what was recorded"),
+        Fit(f"after {rollout.horizon_s:.3g} s", tuple(runs), "no held-out stretch is as long"),
     )
 
 

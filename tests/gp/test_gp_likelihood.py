@@ -13,15 +13,12 @@ from gpsim.gp import (
     HyperParameters,
     NotPositiveDefiniteError,
     Predictor,
-    Standardisation,
     TrainingData,
     condition,
     covariance,
     log_marginal_likelihood,
 )
 from gpsim.gp.exact import DROWNED, Likelihood
-
-IDENTITY_2 = Standardisation(np.zeros(2), np.ones(2), 0.0, 1.0)
 
 
 def dense_covariance(a: np.ndarray, b: np.ndarray, hyper: HyperParameters) -> np.ndarray:

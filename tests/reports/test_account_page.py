@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, ambiguous, friction, measured, named, partial, share, viscous
+from rich_diagnoses import RICH, ambiguous, friction, measured, named, partial, share
 
 from gpsim.channels import Channels
-from gpsim.findings import Explained, NotAsked, RankedHypothesis, Share
+from gpsim.findings import NotAsked, RankedHypothesis
 from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
@@ -146,26 +145,6 @@ def test_a_picture_that_fails_does_not_take_the_others_with_it():
 
     assert set(account_figures(broken, STATE, None, Contained)) == {"decomposition", "measured_2"}
     assert failed == ["measured_1"]
-
-
-def test_a_page_without_pictures_is_whole():
-    text = page(made_diagnosis(), {}, "slider", missing=["figure x is left out"])
-    screen = first_screen(text)
-    assert 'class="first alone"' in screen
-    assert "figure x is left out" in screen
-    assert "<img" not in text
-
-
-def test_names_make_no_elements():
-    odd = '<script>alert(1)</script> & "x"'
-    found = replace(
-        partial(),
-        effects=(friction(on=odd), viscous(on=odd)),
-        log_facts=(odd,),
-        explained=Explained(rollout=Share(0.9), one_step={odd: Share(0.1)}),
-    )
-    page_ = check_policy(told(found))
-    assert odd in page_.text  # letter by letter, in the statistics
 
 
 @pytest.mark.filterwarnings("error")

@@ -83,21 +83,6 @@ def advised(excitation, **parts):
 
 
 @pytest.mark.parametrize(
-    ("excitation", "said"),
-    [
-        (Excitation("u", "constant", 2.5), "a constant u of 2.5"),
-        (Excitation("u", "constant", -2.5), "a constant u of -2.5"),
-        (Excitation("u", "slow wave", 12.3456), "a slow wave of u with amplitude 12.3"),
-        (Excitation("u", "fast wave", 1.0), "a fast wave of u with amplitude 1"),
-        (Excitation("u", "random levels", 1.0), "random levels of u up to 1"),
-    ],
-)
-def test_what_to_drive_an_action_with_is_said(excitation, said):
-    apart = "spring on q and drag on q then differ by up to 3.04 standard deviations of the noise in q"
-    assert worded(advised(excitation)).tell_apart == f"record {said}: {apart}"
-
-
-@pytest.mark.parametrize(
     ("why", "said"),
     [
         (NoGp("no structure"), "it has no structure"),
