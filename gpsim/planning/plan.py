@@ -16,7 +16,7 @@ from gpsim.planning.information import separations, unvisited
 from gpsim.planning.limits import Limits, PlanSettings, check_first
 from gpsim.planning.models import Machine, drawn_model, model_of
 from gpsim.planning.search import FEWEST, Candidate, Search, Situation, Tried
-from gpsim.planning.signals import FIXED, usual
+from gpsim.planning.signals import FIXED
 from gpsim.posterior import Explanation, LeftOpen
 
 Note = Callable[[int, int, str], None]
@@ -277,9 +277,7 @@ def _fixed_rates(search: Search, kind: str, steps: int) -> FloatArray:
     at, blank = search.begin(unvisited(np.zeros((1, 1)))), len(search.t) + search.settled
     count = max(round(steps / blank), 1)
     for _ in range(count):
-        drive = np.zeros((blank, len(search.limits.low)))
-        for a in range(drive.shape[1]):
-            drive[: len(search.t), a] = usual(kind, search.t, search.settings.slowest, rng)
+        drive = search.usual(kind, rng)
         tried = search.tried(at, [Candidate(kind, level * drive) for level in (*LEVELS, 0.0)])
         safe = np.flatnonzero(tried.safe)
         best = int(safe[0]) if safe.size else len(LEVELS)

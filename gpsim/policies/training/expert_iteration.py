@@ -100,9 +100,9 @@ def improved(
             costs.append(expert.costs(visited, rng))
             at = learner.learn(np.concatenate(observed), np.concatenate(costs))
             policies.append(at)
-    steps, score, success, length = (np.array(column) for column in zip(*rows, strict=True))
-    best = _best([policies[i] for i in np.argsort(-score, kind="stable")[:FINALISTS]], plant, expert, rng)
-    return best, Checkpoints(steps, score, success, length)
+    found = Checkpoints(*map(np.array, zip(*rows, strict=True)))
+    finalists = np.argsort(-found.score, kind="stable")[:FINALISTS]
+    return _best([policies[i] for i in finalists], plant, expert, rng), found
 
 
 def _best(policies: list[Policy], plant: Plant, expert: Expert, rng: np.random.Generator) -> Policy:

@@ -112,5 +112,4 @@ class _Watcher(BaseCallback):
 
     def curve(self) -> LearningCurve:
         """Everything so far."""
-        columns = list(zip(*self._rows, strict=True))
-        return LearningCurve(np.array(columns[0]), np.array(columns[1]), np.array(columns[2]))
+        return LearningCurve(*map(np.array, zip(*self._rows, strict=True)))

@@ -150,10 +150,8 @@ class _Judge(BaseCallback):
 
     def curve(self) -> LearningCurve:
         """Returns in training between the checkpoints."""
-        steps, means, episodes = zip(*self._returns, strict=True)
-        return LearningCurve(np.array(steps), np.array(means), np.array(episodes))
+        return LearningCurve(*map(np.array, zip(*self._returns, strict=True)))
 
     def checkpoints(self) -> Checkpoints:
         """Every evaluation."""
-        steps, score, success, length = zip(*self._rows, strict=True)
-        return Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
+        return Checkpoints(*map(np.array, zip(*self._rows, strict=True)))
