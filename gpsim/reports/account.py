@@ -10,8 +10,7 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-
-from jinja2 import Template
+from typing import Any
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import VerdictSettings
@@ -195,7 +194,7 @@ def _sentences(d: Diagnosis, headline: Sequence[NamedEffect]) -> Callable[[str],
 
 
 @cache
-def _template() -> Template:
+def _template() -> Any:
     made = environment(escapes=False)
     made.filters |= {"effect": effect_name, "parameters": parameters_of}
     return made.get_template("account.txt.jinja")

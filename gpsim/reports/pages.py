@@ -8,13 +8,15 @@ import json
 from collections.abc import Sequence
 from functools import cache, partial
 from importlib import resources
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from gpsim.reports import quantities, sheets
 from gpsim.reports.quantities import LABEL, shortened
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 LONGEST_CELL = 48  # letters of a name in a table: its title holds all of them
 
@@ -56,6 +58,12 @@ def resource(name: str) -> str:
 @cache
 def environment(escapes: bool = True) -> Environment:
     """Templates of pages; those of sentences, which are no HTML, do not escape."""
+    from jinja2 import (  # here: who tells nothing need not wait for it
+        Environment,
+        FunctionLoader,
+        StrictUndefined,
+    )
+
     made = Environment(
         loader=FunctionLoader(resource), autoescape=escapes, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
