@@ -16,9 +16,9 @@ from rich.text import Text
 
 from gpsim.reports import loop_sheets
 from gpsim.reports.canvas import POLICIES, colours, data_uri
-from gpsim.reports.gp_figures import figure_residual_slices
 from gpsim.reports.loop_figures import (
     figure_learning_curves,
+    figure_residual_slices,
     figure_returns,
     figure_rollouts,
     figure_trips,

@@ -85,6 +85,19 @@ def test_a_weaker_motor_is_seen_at_once_and_the_same_motor_never():
     assert ((seen >= 150) & (seen < 180)).all()
 
 
+def test_noise_that_the_recording_lacks_is_usual():
+    rng = np.random.default_rng(2)
+    clean = np.zeros((300, 2))
+    episode = Episode("0", DT * np.arange(301), np.vstack([clean[:1], clean]), np.zeros((300, 1)))
+    noise = np.array([0.01, 0.02])
+    settings = MonitorSettings()
+    usual = usual_errors(PLANT, [episode], SLIDER.state, noise, settings, rng)
+    monitor = Monitor(PLANT, usual, settings, SLIDER.state, rng)
+    noisy = noise * rng.standard_normal((50, 500, 2))
+    noisy[..., 0] *= 0.9
+    assert (watched(monitor, noisy, np.zeros((50, 499, 1))) == NEVER).all()
+
+
 def balanced(observations):
     """A hand-made policy that keeps the pole up where nothing rubs."""
     x, x_dot, theta, theta_dot = observations.T

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.corrected import CommandFilter, fit_filter
+from gpsim.corrected import CommandFilter, fit_filter, settled_rows
 from gpsim.errors import UsageError
 from gpsim.recordings.episodes import OverGaps, gaps
 
@@ -85,6 +85,15 @@ def test_delay_and_lag_are_found_where_commands_change_before_gaps():
     np.testing.assert_allclose(np.add(found.delay, found.time_constant), total, atol=0.01)
     without = fit_filter(*rows)
     assert (np.add(without.delay, without.time_constant) < total - 0.1).all()
+
+
+def test_settled_rows_are_those_that_have_stood_and_over_a_gap_another_command_may_have():
+    actions = np.array([[1.0], [1.0], [1.0], [2.0], [2.0], [2.0], [2.0], [2.0]])
+    episode, t = np.array([0, 0, 0, 0, 0, 0, 1, 1]), clock(8)
+    assert np.flatnonzero(settled_rows(actions, episode, t, 1, 0.1)).tolist() == [1, 2, 4, 5, 7]
+    assert np.flatnonzero(settled_rows(actions, episode, t, 2, 0.1)).tolist() == [2, 5]
+    t[2:] += 0.1
+    assert np.flatnonzero(settled_rows(actions, episode, t, 1, 0.1)).tolist() == [1, 4, 5, 7]
 
 
 def test_round_trip_and_foreign_content():

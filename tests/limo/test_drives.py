@@ -1,6 +1,7 @@
 """From a drive of the stand-in through bags and the importer; policies trained, exported, deployed and scored."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,16 @@ def test_a_drive_comes_back_through_its_bag(tmp_path, kind):
     # Where the car stands, the pose is the camera's alone.
     still = transitions.states[:20]
     np.testing.assert_allclose(still[:, :2], 0.0, atol=5 * 5e-4)
+
+
+def test_the_target_entropy_falls_near_the_end_only():
+    falling = replace(SMALL, total_steps=1000, target_entropy=-1.0, final_entropy=-4.0, final_part=0.4)
+    assert [falling.entropy_at(done) for done in (0, 600, 800, 1000, 1100)] == pytest.approx(
+        [-1, -1, -2.5, -4, -4]
+    )
+    assert replace(falling, final_entropy=None).entropy_at(1000) == -1.0
+    with pytest.raises(ValueError, match="final_part"):
+        replace(SMALL, final_part=0.0)
 
 
 def test_same_seed_same_bytes_and_the_best_checkpoint_is_kept():

@@ -18,9 +18,13 @@ from gpsim.channels import Channels
 from gpsim.recordings import Episode, Recording
 from gpsim.reports import canvas
 from gpsim.reports.canvas import make_literal, panels, png, style, svg
-from gpsim.reports.gp_figures import figure_residual_slices
 from gpsim.reports.import_figure import draw_channels
-from gpsim.reports.loop_figures import figure_learning_curves, figure_returns, figure_rollouts
+from gpsim.reports.loop_figures import (
+    figure_learning_curves,
+    figure_residual_slices,
+    figure_returns,
+    figure_rollouts,
+)
 from gpsim.reports.loop_page import render
 from gpsim.reports.quantities import shortened
 

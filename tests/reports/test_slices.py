@@ -8,7 +8,7 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.corrected import Features, GpCorrection
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.reports.gp_figures import most_telling, residual_slice, residual_slices
+from gpsim.reports.loop_figures import most_telling, residual_slice, residual_slices
 from gpsim.residuals import Residuals
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "force": "N"})
