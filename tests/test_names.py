@@ -41,7 +41,7 @@ from gpsim.recordings import (
 )
 from gpsim.recordings.export import wide_table
 from gpsim.recordings.importing import EpisodeCount
-from gpsim.reports.diagnosis_text import _part
+from gpsim.reports.diagnosis_text import where
 from gpsim.reports.import_text import as_text
 from gpsim.reports.loop_page import terminal_table
 from gpsim.reports.sheets import Sheet, printable, row
@@ -226,7 +226,10 @@ def test_a_channel_called_as_an_age_is_told_as_a_channel():
     age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
     assert (part.age, age.age) == (False, True)
     entries = [part.of("r"), age.of("r")]
-    said = [_part(made_diagnosis(location=made_location(concentrated=entry))) for entry in entries]
+    said = [
+        where(made_diagnosis(verdict="partial", location=made_location(concentrated=entry)))
+        for entry in entries
+    ]
     assert f"inside {name} = [" in said[0]
     assert "s of a reversal of F" in said[1]
 

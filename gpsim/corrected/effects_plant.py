@@ -14,7 +14,6 @@ from gpsim.corrected.gp_plant import RateCorrection
 from gpsim.effects import (
     PRE_ROLL,
     Chain,
-    ClosedStep,
     ForceEffect,
     Measured,
     Scheme,
@@ -86,51 +85,34 @@ class EffectsPlant:
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
         """(B, S): the true state after one control step."""
-        count, bends = len(state), part_of(memory, "bristles/")
-        effects, seen = part_of(memory, "effects/"), self._seen(state, memory)
-        values = self._values(count, memory)
+        count, chain, several = len(state), self.chain, round(self.dt / self._step)
+        effects, bends = part_of(memory, "effects/"), part_of(memory, "bristles/")
+        values, seen, step = (
+            self._values(count, memory),
+            self._seen(state, memory),
+            np.full(count, self._step),
+        )
         extra = None
         if self.correction is not None:
             extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
-        step = np.full(count, self._step)
-        owner = self.chain.closed
         # What gates of commands look at happens on the way.
-        if owner is not None and not self.chain.actuation.looks:
-            return self._at_once(owner, state, action, memory, extra)
-        for _ in range(round(self.dt / self._step)):
+        if chain.closed is not None and not chain.actuation.looks:
+            begin = memory["clock"].copy()
+            held = np.repeat(action[:, None], several, axis=1), np.repeat(state[:, None], several + 1, axis=1)
+            times = np.full((count, several), self._step), begin[:, None] + self._step * np.arange(several)
+            commands = chain.commands(*held, values, effects, *times)
+            path = chain.rolled(chain.closed, state, commands, values, step, begin, extra, bends)
+            for k in range(several if chain.sensors.remember else 0):
+                chain.sensors.watch(path[:, k], values, seen, step)
+            memory["clock"] += several * self._step
+            return path[:, -1]
+        for _ in range(several):
             now = memory["clock"]
-            command = self.chain.command(action, state, values, effects, step, now)
-            state = self.chain.advance(state, command, values, step, now, extra, bends)
+            command = chain.command(action, state, values, effects, step, now)
+            state = chain.advance(state, command, values, step, now, extra, bends)
             memory["clock"] += step
-            self.chain.sensors.watch(state, values, seen, step)
+            chain.sensors.watch(state, values, seen, step)
         return state
-
-    def _at_once(
-        self,
-        owner: ClosedStep,
-        state: FloatArray,
-        action: FloatArray,
-        memory: Memory,
-        extra: FloatArray | None,
-    ) -> FloatArray:
-        """All substeps of a control step in one call of a simulator that owns its integration."""
-        count, several, begin = len(state), round(self.dt / self._step), memory["clock"].copy()
-        values, seen = self._values(count, memory), self._seen(state, memory)
-        step, lengths = np.full(count, self._step), np.full((count, several), self._step)
-        commands = self.chain.commands(
-            np.repeat(action[:, None], several, axis=1),
-            np.repeat(state[:, None], several + 1, axis=1),
-            values,
-            part_of(memory, "effects/"),
-            lengths,
-            begin[:, None] + self._step * np.arange(several),
-        )
-        bends = part_of(memory, "bristles/")
-        path = self.chain.rolled(owner, state, commands, values, step, begin, extra, bends)
-        for k in range(several if self.chain.sensors.remember else 0):
-            self.chain.sensors.watch(path[:, k], values, seen, step)
-        memory["clock"] += several * self._step
-        return path[:, -1]
 
     def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """(B, S): what the corrected sensors say, their noise left out."""

@@ -108,39 +108,28 @@ def roll_out(
     return np.stack(states, axis=1)
 
 
-def divergence(trajectories: FloatArray, target: FloatArray, channels: Channels) -> FloatArray:
-    """(B, T + 1, S): absolute distance to the target's trajectories, angles the short way round.
-
-    Infinite where a trajectory has ceased to be finite, so that quantiles count it among the farthest.
-    """
-    with np.errstate(invalid="ignore"):
-        distance = np.abs(difference(trajectories, target, channels))
-    return np.where(np.isfinite(distance), distance, np.inf)
-
-
 def compare(trajectories: FloatArray, target: FloatArray, channels: Channels) -> dict[str, Any]:
-    """Root mean squares and bands of the divergence, and how many rollouts ceased to be finite."""
-    distance = divergence(trajectories, target, channels)
+    """How far trajectories (B, T + 1, S) lead from the target's, per channel, angles the short way round.
+
+    rms: root mean square over rollouts and time; bands: median and the 10 % and 90 % quantiles over the rollouts at
+    each time step; not_finite: how many rollouts ceased to be finite. These are infinitely far, so that quantiles count
+    them among the farthest.
+    """
+    with np.errstate(invalid="ignore"):  # between infinities lies nothing
+        distance = np.abs(difference(trajectories, target, channels))
+        distance = np.where(np.isfinite(distance), distance, np.inf)
+        quantiles = np.quantile(distance, [0.1, 0.5, 0.9], axis=0)
+    kinds = ("q10", "median", "q90")
     return {
-        "rms": root_mean_square(distance, channels),
-        "bands": bands(distance, channels),
+        "rms": {
+            name: float(np.sqrt(np.mean(distance[:, :, i] ** 2))) for i, name in enumerate(channels.names)
+        },
+        "bands": {
+            name: dict(zip(kinds, quantiles[:, :, i].tolist(), strict=True))
+            for i, name in enumerate(channels.names)
+        },
         "not_finite": int((~np.isfinite(distance)).any(axis=(1, 2)).sum()),
     }
-
-
-def bands(distance: FloatArray, channels: Channels) -> dict[str, Mapping[str, list[float]]]:
-    """Median and the 10 % and 90 % quantiles over the rollouts, per channel and time step."""
-    with np.errstate(invalid="ignore"):  # between infinities lies nothing
-        low, median, high = np.quantile(distance, [0.1, 0.5, 0.9], axis=0)
-    return {
-        name: {"q10": low[:, i].tolist(), "median": median[:, i].tolist(), "q90": high[:, i].tolist()}
-        for i, name in enumerate(channels.names)
-    }
-
-
-def root_mean_square(distance: FloatArray, channels: Channels) -> dict[str, float]:
-    """Root mean square over rollouts and time, per channel."""
-    return {name: float(np.sqrt(np.mean(distance[:, :, i] ** 2))) for i, name in enumerate(channels.names)}
 
 
 WARM_UP = 10

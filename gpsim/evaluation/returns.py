@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,18 +56,26 @@ def r2(predicted: FloatArray, actual: FloatArray) -> float:
     return 1.0 - float(np.sum((predicted - actual) ** 2)) / total if total > 0 else float("nan")
 
 
-def episode_returns(plant: Plant, task: Task, act: Act, start: Start, rng: np.random.Generator) -> FloatArray:
-    """(N,): the undiscounted return of one episode from every start."""
+def play(
+    plant: Plant, task: Task, act: Act, start: Start, rng: np.random.Generator
+) -> Iterator[tuple[Episodes, BoolArray, FloatArray]]:
+    """One episode from every start, step by step: where they are, (N,) which took the step, and (N,) what it earned."""
     running = Episodes(plant, task, len(start.states), rng)
-    observations = running.begin(start)
-    returns, alive = np.zeros(len(start.states)), np.ones(len(start.states), dtype=np.bool_)
+    observations, alive = running.begin(start), np.ones(len(start.states), dtype=np.bool_)
     for _ in range(task.max_steps):
         rewards, terminated, _ = running.step(act(observations))
-        returns += np.where(alive, rewards, 0.0)
-        alive &= ~terminated
+        yield running, alive, np.where(alive, rewards, 0.0)
+        alive = alive & ~terminated
         if not alive.any():
-            break
+            return
         observations = running.observe()
+
+
+def episode_returns(plant: Plant, task: Task, act: Act, start: Start, rng: np.random.Generator) -> FloatArray:
+    """(N,): the undiscounted return of one episode from every start."""
+    returns = np.zeros(len(start.states))
+    for _, _, earned in play(plant, task, act, start, rng):
+        returns += earned
     return returns
 
 

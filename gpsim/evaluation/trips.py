@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.environments import Act, Episodes
-from gpsim.evaluation.returns import bootstrap_interval
+from gpsim.environments import Act
+from gpsim.evaluation.returns import bootstrap_interval, play
 from gpsim.simulators import Plant
 from gpsim.tasks import GoalReaching, Start
 
@@ -29,12 +29,8 @@ def solvable(
     |x|, |y| <= half_floor [m]; paths are at most `longest` [m]. The last arc ends where the car faces the goal (as
     Dubins paths with a free final heading do); False proves nothing, a finer family may find more.
     """
-    return np.array(
-        [
-            bool(_found(state, goal, radius, half_floor, longest).any())
-            for state, goal in zip(states, goals, strict=True)
-        ]
-    )
+    each = zip(states, goals, strict=True)
+    return np.array([bool(_found(*pair, radius, half_floor, longest).any()) for pair in each])
 
 
 def _found(state: FloatArray, goal: FloatArray, radius: float, half: float, longest: float) -> BoolArray:
@@ -46,7 +42,7 @@ def _found(state: FloatArray, goal: FloatArray, radius: float, half: float, long
     inside = np.ones(len(side), dtype=np.bool_)
     pose, inside = _turn(pose, side, arc, radius, half, inside)
     pose = pose + np.column_stack([leg * np.cos(pose[:, 2]), leg * np.sin(pose[:, 2]), 0.0 * leg])
-    inside &= _within(pose, half)
+    inside &= (np.abs(pose[:, :2]) <= half).all(axis=1)
     turn, straight = _last_turn(pose, goal, last, radius)
     pose, inside = _turn(pose, last, np.nan_to_num(turn), radius, half, inside)
     length = radius * (arc + np.nan_to_num(turn)) + leg + np.nan_to_num(straight)
@@ -62,10 +58,6 @@ def _turn(
     y = pose[:, 1:2] - (side * radius)[:, None] * (np.cos(yaw) - np.cos(pose[:, 2:3]))
     stays = (np.abs(x) <= half).all(axis=1) & (np.abs(y) <= half).all(axis=1)
     return np.column_stack([x[:, -1], y[:, -1], yaw[:, -1]]), np.asarray(inside & stays)
-
-
-def _within(pose: FloatArray, half: float) -> BoolArray:
-    return np.asarray((np.abs(pose[:, :2]) <= half).all(axis=1))
 
 
 def _last_turn(
@@ -101,22 +93,14 @@ class Trips:
 
 def take_trips(plant: Plant, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator) -> Trips:
     """Drive from every start until the goal, the edge or the last step."""
-    count = len(start.states)
-    running = Episodes(plant, task, count, rng)
-    observations = running.begin(start)
-    alive, reached = np.ones(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
-    returns, steps = np.zeros(count), np.zeros(count)
-    paths = [running.states]
-    for _ in range(task.max_steps):
-        rewards, terminated, _ = running.step(act(observations))
+    reached = np.zeros(len(start.states), dtype=np.bool_)
+    returns, steps = np.zeros((2, len(start.states)))
+    paths = [start.states]
+    for running, alive, earned in play(plant, task, act, start, rng):
         paths.append(np.where(alive[:, None], running.states, np.nan))
-        returns += np.where(alive, rewards, 0.0)
+        returns += earned
         steps += alive
         reached |= alive & task.reached(running.states, running.context)
-        alive &= ~terminated
-        if not alive.any():
-            break
-        observations = running.observe()
     states = np.stack(paths, axis=1)
     return Trips(reached, steps, path_length(states), returns, states)
 

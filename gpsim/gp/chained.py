@@ -34,16 +34,17 @@ class ChainSettings:
 
     def of_slow(self, settings: FitSettings) -> FitSettings:
         """The settings of a process that may not turn quickly; raises ValueError where no length is left."""
-        lengths = settings.bounds.lengthscales
-        return _with_lengths(settings, Interval(max(lengths.low, self.least_slow), lengths.high))
+        return _within(settings, self.least_slow, np.inf)
 
     def of_fast(self, settings: FitSettings) -> FitSettings:
         """The settings of a process that may not turn slowly; raises ValueError where no length is left."""
-        lengths = settings.bounds.lengthscales
-        return _with_lengths(settings, Interval(lengths.low, min(lengths.high, self.most_fast)))
+        return _within(settings, 0.0, self.most_fast)
 
 
-def _with_lengths(settings: FitSettings, lengths: Interval) -> FitSettings:
+def _within(settings: FitSettings, least: float, most: float) -> FitSettings:
+    """With lengths between these, too."""
+    given = settings.bounds.lengthscales
+    lengths = Interval(max(given.low, least), min(given.high, most))
     return replace(settings, bounds=replace(settings.bounds, lengthscales=lengths))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -50,30 +50,26 @@ class AtBound:
         return f"{self.name} is at its {self.side} bound {self.value:g} (standardised units): {self.advice}"
 
 
-_ADVICE: dict[tuple[str, str], tuple[str, bool]] = {
-    ("signal_std", "lower"): (
-        "the RBF term is switched off; linear term and noise explain the targets.",
-        True,
-    ),
-    ("signal_std", "upper"): (
-        "the RBF term acts as a polynomial; predictions between the data are loose.",
-        False,
-    ),
-    ("lengthscales", "lower"): (
-        "the GP memorises rows instead of learning along this input; add data.",
-        False,
-    ),
-    ("lengthscales", "upper"): ("the RBF term ignores this input.", True),
-    ("linear_stds", "lower"): ("the linear term ignores this input.", True),
-    ("linear_stds", "upper"): ("the slope along this input is barely bounded by the prior.", False),
-    ("bias_std", "lower"): ("the bias is switched off (the targets are centred already).", True),
-    ("bias_std", "upper"): ("the offset is barely bounded by the prior.", False),
+_ADVICE: dict[tuple[str, str], str] = {
+    ("signal_std", "lower"): "the RBF term is switched off; linear term and noise explain the targets.",
+    ("signal_std", "upper"): "the RBF term acts as a polynomial; predictions between the data are loose.",
+    ("lengthscales", "lower"): "the GP memorises rows instead of learning along this input; add data.",
+    ("lengthscales", "upper"): "the RBF term ignores this input.",
+    ("linear_stds", "lower"): "the linear term ignores this input.",
+    ("linear_stds", "upper"): "the slope along this input is barely bounded by the prior.",
+    ("bias_std", "lower"): "the bias is switched off (the targets are centred already).",
+    ("bias_std", "upper"): "the offset is barely bounded by the prior.",
     ("noise_std", "lower"): (
         "this is the noise floor: the data look noise-free to the GP, so the noise is a choice of the bounds "
-        "and not an estimate, and samples scatter by the latent variance almost alone.",
-        False,
+        "and not an estimate, and samples scatter by the latent variance almost alone."
     ),
-    ("noise_std", "upper"): ("the noise swallows the targets: the inputs explain nothing.", False),
+    ("noise_std", "upper"): "the noise swallows the targets: the inputs explain nothing.",
+}
+_HARMLESS = {
+    ("signal_std", "lower"),
+    ("lengthscales", "upper"),
+    ("linear_stds", "lower"),
+    ("bias_std", "lower"),
 }
 
 
@@ -85,8 +81,8 @@ def at_bounds(hyper: HyperParameters, bounds: Bounds) -> tuple[AtBound, ...]:
         # The optimiser lands on a bound exactly; the margin is for the logarithm's rounding only.
         side = "lower" if value <= low + 1e-9 else "upper" if value >= high - 1e-9 else None
         if side is not None:
-            advice, harmless = _ADVICE[name.split("[")[0], side]
-            found.append(AtBound(name, side, float(np.exp(value)), advice, harmless))
+            key = name.split("[")[0], side
+            found.append(AtBound(name, side, float(np.exp(value)), _ADVICE[key], key in _HARMLESS))
     return tuple(found)
 
 
@@ -133,15 +129,11 @@ class FitReport:
             "outcome": self.outcome.name.lower(),
             "advice": self.outcome.advice,
             "converged": self.converged,
-            "log_marginal_likelihood": self.log_marginal_likelihood,
-            "initial_log_marginal_likelihood": self.initial_log_marginal_likelihood,
-            "log_marginal_likelihood_original": self.log_marginal_likelihood_original,
+            **{
+                f.name: getattr(self, f.name) for f in fields(self)[1:-1]
+            },  # without outcome and data_warnings
             "hyper_parameters": self.hyper_parameters.to_dict(),
             "hyper_parameters_original": self.hyper_parameters_original.to_dict(),
-            "evaluations": self.evaluations,
-            "iterations": self.iterations,
-            "rows": self.rows,
-            "distinct_rows": self.distinct_rows,
             "start_likelihoods": [value if np.isfinite(value) else None for value in self.start_likelihoods],
             "at_bounds": [str(item) for item in self.at_bounds],
             "warnings": list(self.warnings),

@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike
 from .exact import Likelihood, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood, posterior
 from .fit_report import FitOutcome, FitReport, at_bounds
 from .kernels import Bounds, FloatArray, HyperParameters
-from .training_data import Standardisation, TrainingData, checked_inputs, checked_targets, constant_columns
+from .training_data import (
+    Standardisation,
+    TrainingData,
+    check_finite,
+    checked_inputs,
+    checked_targets,
+    constant_columns,
+)
 
 
 def first_start(data: TrainingData) -> HyperParameters:
@@ -124,7 +131,8 @@ class GaussianProcess:
     @property
     def hyper_parameters_original(self) -> HyperParameters:
         """In units of the raw inputs and targets; the linear term and the bias are about the mean input."""
-        return _original(self.hyper_parameters, self.standardisation)
+        own = self.standardisation
+        return self.hyper_parameters.scaled(own.input_scale, own.target_scale)
 
 
 def condition(
@@ -170,7 +178,7 @@ def fit(
         initial_log_marginal_likelihood=search.initial,
         log_marginal_likelihood_original=reached - data.rows * float(np.log(scaling.target_scale)),
         hyper_parameters=hyper,
-        hyper_parameters_original=_original(hyper, scaling),
+        hyper_parameters_original=hyper.scaled(scaling.input_scale, scaling.target_scale),
         evaluations=search.likelihood.evaluations,
         iterations=search.iterations,
         rows=data.rows,
@@ -189,11 +197,7 @@ def fit_outputs(
     columns = np.asarray(targets, dtype=np.float64)
     if columns.ndim != 2:
         raise ValueError(f"targets must have shape (N, R), one column per output, got {columns.shape}")
-    bad = np.argwhere(~np.isfinite(columns))
-    if bad.size:
-        raise ValueError(
-            f"targets row {bad[0, 0]}, column {bad[0, 1]} is {columns[tuple(bad[0])]}: must be finite"
-        )
+    check_finite("targets", columns)
     children = rng.spawn(columns.shape[1])
     return tuple(
         fit(inputs, column, settings, child) for column, child in zip(columns.T, children, strict=True)
@@ -259,23 +263,14 @@ class _Search:
         def stop_early(intermediate_result: OptimizeResult) -> None:
             reached.append(float(intermediate_result.fun))
             patience = self.settings.patience
-            if (
-                len(reached) > patience
-                and reached[-1 - patience] - reached[-1] < self.settings.minimum_improvement
-            ):
+            before = reached[-1 - patience] if len(reached) > patience else np.inf
+            if before - reached[-1] < self.settings.minimum_improvement:
                 raise StopIteration
 
         # ftol 0: our own rule above decides. maxfun is out of the way, iterations are what counts.
         options = {"maxiter": iterations, "maxfun": 50 * iterations, "ftol": 0.0, "gtol": 1e-6, "maxcor": 20}
-        return minimize(
-            self._negative,
-            start,
-            jac=True,
-            method="L-BFGS-B",
-            bounds=self.box,
-            callback=stop_early,
-            options=options,
-        )
+        how = {"jac": True, "method": "L-BFGS-B", "bounds": self.box, "options": options}
+        return minimize(self._negative, start, callback=stop_early, **how)
 
 
 def _best(results: list[OptimizeResult]) -> OptimizeResult:
@@ -289,16 +284,9 @@ def _likelihood_of(result: OptimizeResult) -> float:
 def _outcome_of(result: OptimizeResult) -> FitOutcome:
     """From scipy's status (99: the callback stopped it; 0, as ftol is 0: no gradient or no change)."""
     gradient = "GRADIENT" in str(result.message)
-    by_status = {
-        0: FitOutcome.GRADIENT_VANISHED if gradient else FitOutcome.LIKELIHOOD_SETTLED,
-        1: FitOutcome.ITERATION_LIMIT,
-        99: FitOutcome.LIKELIHOOD_SETTLED,
-    }
+    settled = FitOutcome.GRADIENT_VANISHED if gradient else FitOutcome.LIKELIHOOD_SETTLED
+    by_status = {0: settled, 1: FitOutcome.ITERATION_LIMIT, 99: FitOutcome.LIKELIHOOD_SETTLED}
     return by_status.get(int(result.status), FitOutcome.LINE_SEARCH_FAILED)
-
-
-def _original(hyper: HyperParameters, scaling: Standardisation) -> HyperParameters:
-    return hyper.scaled(scaling.input_scale, scaling.target_scale)
 
 
 def _data_warnings(inputs: FloatArray, targets: FloatArray) -> tuple[str, ...]:

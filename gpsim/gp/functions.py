@@ -8,7 +8,6 @@ inputs (Matheron's rule). Replicates that a fit averaged count as one row here: 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,44 +20,33 @@ CHUNK = 4096
 """Rows that are worked on at once."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Functions:
-    """K functions of one output: weights of its features (F + D + 1, K) and of its covariances (M, K)."""
-
-    output: Output
-    frequencies: FloatArray
-    phases: FloatArray
-    prior: FloatArray
-    update: FloatArray
-
-    def __call__(self, inputs: FloatArray) -> FloatArray:
-        """(B, K): every function at raw inputs (B, D)."""
-        own, hyper = self.output.standardisation, self.output.hyper_parameters
-        z = own.inputs(inputs)
-        values = _features(z, self.frequencies, self.phases) @ self.prior
-        values += covariance(z, self.output.terms.support, hyper) @ self.update
-        return np.asarray(own.target_mean + own.target_scale * values)
-
-
 class DrawnFunctions:
     """So many functions of every output, drawn once."""
 
     def __init__(self, predictor: Predictor, count: int, rng: np.random.Generator) -> None:
         self.count = count
-        self._outputs = tuple(_drawn(output, count, rng) for output in predictor.outputs)
+        self._drawn = tuple((output, *_drawn(output, count, rng)) for output in predictor.outputs)
 
     def __call__(self, inputs: FloatArray, which: Sequence[int] | FloatArray) -> FloatArray:
         """(B, R): at each raw input (B, D) the function `which` (B,) of every output."""
         chosen = np.asarray(which, dtype=np.int64)[:, None]
-        out = np.empty((len(inputs), len(self._outputs)))
+        out = np.empty((len(inputs), len(self._drawn)))
         for start in range(0, len(inputs), CHUNK):
             part = slice(start, start + CHUNK)
-            for r, functions in enumerate(self._outputs):
-                out[part, r] = np.take_along_axis(functions(inputs[part]), chosen[part], axis=1)[:, 0]
+            for r, (output, frequencies, phases, prior, update) in enumerate(self._drawn):
+                own = output.standardisation
+                z = own.inputs(inputs[part])
+                values = _features(z, frequencies, phases) @ prior
+                values += covariance(z, output.terms.support, output.hyper_parameters) @ update
+                values = own.target_mean + own.target_scale * values
+                out[part, r] = np.take_along_axis(values, chosen[part], axis=1)[:, 0]
         return out
 
 
-def _drawn(output: Output, count: int, rng: np.random.Generator) -> _Functions:
+def _drawn(
+    output: Output, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Frequencies and phases of the features, their weights (F + D + 1, K) and those of the covariances (M, K)."""
     hyper, terms = output.hyper_parameters, output.terms
     frequencies = rng.standard_normal((hyper.dimension, FEATURES)) / hyper.lengthscales[:, None]
     phases = rng.uniform(0.0, 2.0 * np.pi, FEATURES)
@@ -68,8 +56,7 @@ def _drawn(output: Output, count: int, rng: np.random.Generator) -> _Functions:
     prior = deviations[:, None] * rng.standard_normal((len(deviations), count))
     at_support = _features(terms.support, frequencies, phases) @ prior
     noisy = at_support + hyper.noise_std * rng.standard_normal(at_support.shape)
-    update = terms.weights[:, None] - terms.root @ (terms.root.T @ noisy)
-    return _Functions(output, frequencies, phases, prior, update)
+    return frequencies, phases, prior, terms.weights[:, None] - terms.root @ (terms.root.T @ noisy)
 
 
 def _features(z: FloatArray, frequencies: FloatArray, phases: FloatArray) -> FloatArray:

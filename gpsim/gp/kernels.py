@@ -107,13 +107,7 @@ class HyperParameters:
 
     def to_dict(self) -> dict[str, float | list[float]]:
         """JSON-able, by name."""
-        return {
-            "signal_std": self.signal_std,
-            "lengthscales": self.lengthscales.tolist(),
-            "linear_stds": self.linear_stds.tolist(),
-            "bias_std": self.bias_std,
-            "noise_std": self.noise_std,
-        }
+        return {f.name: np.asarray(getattr(self, f.name)).tolist() for f in fields(self)}
 
 
 class Interval(NamedTuple):
@@ -152,22 +146,17 @@ class Bounds:
         return np.log(np.array([*rows, self.bias_std, self.noise_std], dtype=np.float64))
 
 
-def rbf_covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
-    """First term of (4.9), GPML (5.1) without noise: inputs (A, D) and (B, D) -> (A, B)."""
+def covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
+    """k(a, b) of (4.9) without noise: inputs (A, D) and (B, D) -> (A, B).
+
+    GPML (5.1) for the RBF term, section 4.2.2 (dot product) for the linear one.
+    """
     scaled_a, scaled_b = a / hyper.lengthscales, b / hyper.lengthscales
     # |p - q|^2 = p p' + q q' - 2 p q': one matrix product instead of an (A, B, D) array; rounding may leave
     # it a hair below zero where p = q.
     distance = (
         np.sum(scaled_a**2, axis=1)[:, None] + np.sum(scaled_b**2, axis=1) - 2.0 * scaled_a @ scaled_b.T
     )
-    return np.asarray(hyper.signal_std**2 * np.exp(-0.5 * np.maximum(distance, 0.0)))
-
-
-def linear_covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
-    """Second and third term of (4.9), GPML section 4.2.2 (dot product): (A, D) and (B, D) -> (A, B)."""
-    return np.asarray((a * hyper.linear_stds**2) @ b.T + hyper.bias_std**2)
-
-
-def covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
-    """k(a, b) of (4.9) without noise: inputs (A, D) and (B, D) -> (A, B)."""
-    return rbf_covariance(a, b, hyper) + linear_covariance(a, b, hyper)
+    rbf = hyper.signal_std**2 * np.exp(-0.5 * np.maximum(distance, 0.0))
+    linear = (a * hyper.linear_stds**2) @ b.T + hyper.bias_std**2
+    return np.asarray(rbf + linear)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,7 @@ from .training_data import Standardisation
 
 if TYPE_CHECKING:
     from .exact import PosteriorTerms
+    from .fitting import GaussianProcess
 
 # Elements of the (rows, training rows) matrices that one chunk may hold: 512 kB each, which a core's cache holds;
 # and rows that it has at least, below which a matrix product is slow.
@@ -34,22 +35,6 @@ STRIP = 64
 # exp of less is subnormal or nothing, either of which takes the processor longer than a number; e^-300 (1e-130) is
 # lost in every sum that it enters.
 LEAST_EXPONENT = -300.0
-
-
-class PosteriorOutput(Protocol):
-    """What one output of a predictor is made of; `GaussianProcess` and `Output` are such."""
-
-    @property
-    def standardisation(self) -> Standardisation:
-        """Between raw and standardised units."""
-
-    @property
-    def hyper_parameters(self) -> HyperParameters:
-        """In standardised units."""
-
-    @property
-    def terms(self) -> PosteriorTerms:
-        """In standardised units."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +55,7 @@ class Predictor:
     (`CHUNK_ELEMENTS`), so memory stays bounded; the variance still costs B N^2 multiplications.
     """
 
-    def __init__(self, outputs: Sequence[PosteriorOutput]) -> None:
+    def __init__(self, outputs: Sequence[Output | GaussianProcess]) -> None:
         """One output per GP, in the order of the columns of every result; ValueError if their D disagree."""
         if not outputs:
             raise ValueError("a predictor needs at least one GP")
@@ -83,24 +68,21 @@ class Predictor:
         self.dimension = dimensions.pop()
         shift = self.outputs[0].standardisation.input_mean
         self._shift = shift[:, None]
-        forms = [_linear_forms(output, shift) for output in self.outputs]
         roots = [output.terms.root for output in self.outputs]
         self._supports = _blocks([root.shape[0] for root in roots])
         self._columns = _blocks([root.shape[1] for root in roots])
         self._strips = [_strips(root) for root in roots]
         # Exponent, mean, prior and cross of all outputs, one below the other, so that one product serves all four.
-        parts = [[form.exponent for form in forms], [form.mean for form in forms]]
-        parts += [[form.prior for form in forms], [form.cross for form in forms]]
+        parts = list(zip(*(_linear_forms(output, shift) for output in self.outputs), strict=True))
         self._linear = np.vstack([row for part in parts for row in part])
         self._cuts = np.cumsum([sum(map(len, part)) for part in parts]).tolist()
         self._linear_mean = self._linear[: self._cuts[1]]
         # Block diagonal, so that one product serves all outputs.
-        self._weights = np.zeros((len(forms), self._supports[-1].stop))
-        self._sums = np.zeros((len(forms), self._columns[-1].stop))
+        self._weights = np.zeros((len(roots), self._supports[-1].stop))
+        self._sums = np.zeros((len(roots), self._columns[-1].stop))
         for row, output in enumerate(self.outputs):
-            self._weights[row, self._supports[row]] = (
-                output.terms.weights * output.standardisation.target_scale
-            )
+            weights = output.terms.weights * output.standardisation.target_scale
+            self._weights[row, self._supports[row]] = weights
             self._sums[row, self._columns[row]] = 1.0
         square_scales = np.array([output.standardisation.target_scale**2 for output in self.outputs])
         noise = np.array([output.hyper_parameters.noise_std**2 for output in self.outputs])
@@ -111,8 +93,7 @@ class Predictor:
     def mean(self, inputs: ArrayLike) -> FloatArray:
         """Predictive mean (4.7): raw inputs (B, D) -> (B, R)."""
         features = self._features(inputs)
-        parts = [self._mean_of(self._linear_mean.dot(some)) for some in self._chunks(features)]
-        return _joined(parts)
+        return _joined([self._mean_of(self._linear_mean.dot(some)) for some in self._chunks(features)])
 
     @property
     def mean_form(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -195,16 +176,6 @@ class Predictor:
         return [features[:, start : start + self._chunk] for start in range(0, count, self._chunk)]
 
 
-@dataclass(frozen=True, eq=False)
-class _LinearForms:
-    """Coefficients of phi(x) = [u, u^2, 1] for one output: (M, 2 D + 1) twice, then (1, 2 D + 1) twice."""
-
-    exponent: FloatArray
-    cross: FloatArray
-    mean: FloatArray
-    prior: FloatArray
-
-
 def _joined(parts: Sequence[FloatArray]) -> FloatArray:
     """Pieces (R, b) -> (B, R)."""
     return parts[0].T if len(parts) == 1 else np.hstack(parts).T
@@ -224,9 +195,10 @@ def _strips(root: FloatArray) -> list[FloatArray]:
     return [np.ascontiguousarray(turned[i : i + STRIP, : i + STRIP]) for i in range(0, len(turned), STRIP)]
 
 
-def _linear_forms(output: Output, shift: FloatArray) -> _LinearForms:
+def _linear_forms(output: Output, shift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """All of (4.9) as linear forms of phi; the output's own standardised input is z = a u + b.
 
+    Coefficients of the exponent (M, 2 D + 1), mean and prior (1, 2 D + 1), and cross covariance (M, 2 D + 1).
     One shift serves all outputs, whatever rows each was fitted to; b is zero for those fitted to the same rows.
     """
     own, hyper, terms = output.standardisation, output.hyper_parameters, output.terms
@@ -247,4 +219,4 @@ def _linear_forms(output: Output, shift: FloatArray) -> _LinearForms:
     # sigma_f^2 + sigma_b^2 + sum_d sigma_l,d^2 (a u + b)^2
     at_zero = hyper.signal_std**2 + hyper.bias_std**2 + np.sum(slopes * b**2)
     prior = np.concatenate([2.0 * slopes * a * b, slopes * a**2, [at_zero]])
-    return _LinearForms(exponent.T, cross.T, mean[None], prior[None])
+    return exponent.T, mean[None], prior[None], cross.T

@@ -27,13 +27,7 @@ def checked_inputs(inputs: ArrayLike, dimension: int | None = None) -> FloatArra
         raise ValueError(f"inputs must have shape (N, D) with N and D at least 1, got {array.shape}")
     if dimension is not None and array.shape[1] != dimension:
         raise ValueError(f"inputs must have {dimension} columns, as in the fit, got {array.shape[1]}")
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        row, column = bad[0]
-        raise ValueError(
-            f"inputs row {row}, column {column} is {array[row, column]}: "
-            f"every value must be finite ({len(bad)} such value(s)); drop or repair these rows"
-        )
+    check_finite("inputs", array)
     return array
 
 
@@ -42,13 +36,19 @@ def checked_targets(targets: ArrayLike, rows: int) -> FloatArray:
     array = np.asarray(targets, dtype=np.float64)
     if array.shape != (rows,):
         raise ValueError(f"targets must have shape ({rows},), one per row of the inputs, got {array.shape}")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise ValueError(
-            f"targets row {bad[0]}, column 0 is {array[bad[0]]}: "
-            f"every value must be finite ({bad.size} such value(s)); drop or repair these rows"
-        )
+    check_finite("targets", array[:, None])
     return array
+
+
+def check_finite(what: str, table: FloatArray) -> None:
+    """Raise ValueError for the first value (row by row) of a table (N, C) that is not finite."""
+    bad = np.argwhere(~np.isfinite(table))
+    if bad.size:
+        row, column = bad[0]
+        raise ValueError(
+            f"{what} row {row}, column {column} is {table[row, column]}: "
+            f"every value must be finite ({len(bad)} such value(s)); drop or repair these rows"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,31 +124,19 @@ class TrainingData:
 
         Raises TooManyRowsError for more distinct ones than MOST_ROWS.
         """
-        data = TrainingData._of(inputs, targets, average_replicates)
-        if data.counts.size > MOST_ROWS:
-            raise TooManyRowsError(
-                f"{data.counts.size} distinct inputs; an exact Gaussian process takes at most {MOST_ROWS}: fit a "
-                "subsample"
-            )
-        return data
-
-    @staticmethod
-    def _of(inputs: FloatArray, targets: FloatArray, average_replicates: bool) -> TrainingData:
+        counts: np.ndarray = np.ones(len(targets))
+        scatter = 0.0
         if average_replicates:
-            _, first, group, counts = np.unique(
+            _, first, group, found = np.unique(
                 inputs, axis=0, return_index=True, return_inverse=True, return_counts=True
             )
-            if counts.max() > 1:
-                return _averaged(inputs, targets, first, group.reshape(-1), counts)
-        return TrainingData(read_only(inputs), read_only(targets), read_only(np.ones(len(targets))), 0.0)
-
-
-def _averaged(
-    inputs: FloatArray, targets: FloatArray, first: np.ndarray, group: np.ndarray, counts: np.ndarray
-) -> TrainingData:
-    means = np.bincount(group, weights=targets) / counts
-    scatter = float(np.sum((targets - means[group]) ** 2))
-    order = np.argsort(first)
-    return TrainingData(
-        read_only(inputs[first[order]]), read_only(means[order]), read_only(counts[order]), scatter
-    )
+            if found.max() > 1:
+                group, order = group.reshape(-1), np.argsort(first)
+                means = np.bincount(group, weights=targets) / found
+                scatter = float(np.sum((targets - means[group]) ** 2))
+                inputs, targets, counts = inputs[first[order]], means[order], found[order]
+        if counts.size > MOST_ROWS:
+            raise TooManyRowsError(
+                f"{counts.size} distinct inputs; an exact Gaussian process takes at most {MOST_ROWS}: fit a subsample"
+            )
+        return TrainingData(read_only(inputs), read_only(targets), read_only(counts), scatter)

@@ -84,8 +84,7 @@ def _nats(model: Model, sums: Sums, pair: Pair) -> FloatArray:
     """(E,) that the second of a pair loses where the first is true."""
     square, slope, fisher = sums.squares[pair], sums.slopes[pair], sums.fisher[pair[1]]
     if model.size:
-        scale = np.sqrt(np.diag(model.explanation.covariance))
-        prior = np.linalg.inv(_correlation(model))
+        scale, prior = _prior(model)
         moved = np.linalg.solve(fisher * np.outer(scale, scale) + prior, (slope * scale)[..., None])[..., 0]
         square = square - (slope * scale * moved).sum(axis=1)
     return np.asarray(0.5 * np.maximum(square, 0.0))
@@ -95,17 +94,16 @@ def precisions(model: Model, sums: Sums) -> FloatArray:
     """(E,) nats by which the leader's parameters are known better."""
     if not model.size:
         return np.zeros(len(sums.fisher[0]))
-    scale = np.sqrt(np.diag(model.explanation.covariance))
-    known = np.linalg.inv(_correlation(model))
+    scale, known = _prior(model)
     after = np.linalg.slogdet(sums.fisher[0] * np.outer(scale, scale) + known)[1]
     return np.asarray(0.5 * (after - np.linalg.slogdet(known)[1]))
 
 
-def _correlation(model: Model) -> FloatArray:
-    """(P, P) the posterior in units of each parameter's deviation, a little less sure than singular."""
-    scale = np.sqrt(np.diag(model.explanation.covariance))
-    matrix = model.explanation.covariance / np.outer(scale, scale)
-    return np.asarray(matrix + 1e-9 * np.eye(len(matrix)))
+def _prior(model: Model) -> tuple[FloatArray, FloatArray]:
+    """Each parameter's deviation (P,), and in its units the precision (P, P), a little less than singular."""
+    covariance = model.explanation.covariance
+    scale = np.sqrt(np.diag(covariance))
+    return scale, np.linalg.inv(covariance / np.outer(scale, scale) + 1e-9 * np.eye(len(scale)))
 
 
 @dataclass(frozen=True)

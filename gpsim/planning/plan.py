@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.special import betaincinv
@@ -15,20 +16,11 @@ from gpsim.planning.information import separations, unvisited
 from gpsim.planning.limits import Limits, PlanSettings, check_first
 from gpsim.planning.models import Machine, drawn_model, model_of
 from gpsim.planning.search import FEWEST, Candidate, Search, Situation, Tried
-from gpsim.planning.signals import FIXED, usual
+from gpsim.planning.signals import FIXED
 from gpsim.posterior import Explanation, LeftOpen
 
 Note = Callable[[int, int, str], None]
-LEVELS = (
-    1.0,
-    0.7,
-    0.5,
-    0.35,
-    0.25,
-    0.15,
-    0.1,
-    0.05,
-)  # at which a fixed excitation is tried, until it is safe
+LEVELS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)  # of a fixed excitation, tried until it is safe
 SAME = 1e-3  # relative difference of two values that is none
 FORCE = "the force on {on}"
 SENSORS = {
@@ -240,9 +232,8 @@ def _put_together(
 
 def _labels(explanations: Sequence[Explanation]) -> list[str]:
     """What each says beyond what all of them say."""
-    shared = (
-        frozenset.intersection(*(e.hypothesis.claims for e in explanations)) if len(explanations) > 1 else ()
-    )
+    claims = [e.hypothesis.claims for e in explanations]
+    shared = frozenset.intersection(*claims) if len(claims) > 1 else ()
     named = []
     for one in explanations:
         own = [f"{t.family} on {t.on}" for t in one.hypothesis.terms if t.identity not in shared]
@@ -253,24 +244,15 @@ def _labels(explanations: Sequence[Explanation]) -> list[str]:
 def _apart(
     posterior: LeftOpen, nats: FloatArray, fixed: dict[str, FloatArray], minutes: float, visible: float
 ) -> tuple[Apart, ...]:
-    found, names, out = posterior.explanations, _labels(posterior.explanations), []
+    found, names = posterior.explanations, _labels(posterior.explanations)
     recorded = max(posterior.visited.seconds / 60.0, 1e-9)
-    order = [(a, b) for a in range(len(found)) for b in range(a + 1, len(found))]
-    for i, (a, b) in enumerate(order):
+    out = []
+    for i, (a, b) in enumerate(combinations(range(len(found)), 2)):
         odds = abs(np.log(max(found[a].probability, 1e-12) / max(found[b].probability, 1e-12)))
-        told = bool(nats[i] >= visible)
-        out.append(
-            Apart(
-                names[a],
-                names[b],
-                float(nats[i]),
-                float(nats[i] / minutes),
-                {kind: float(values[i]) for kind, values in fixed.items()},
-                float(odds / recorded),
-                told,
-                () if told else sensors_for(found[a], found[b]),
-            )
-        )
+        told, rates = bool(nats[i] >= visible), {kind: float(values[i]) for kind, values in fixed.items()}
+        sensors = () if told else sensors_for(found[a], found[b])
+        size, old = float(nats[i]), float(odds / recorded)
+        out.append(Apart(names[a], names[b], size, float(nats[i] / minutes), rates, old, told, sensors))
     return tuple(out)
 
 
@@ -295,9 +277,7 @@ def _fixed_rates(search: Search, kind: str, steps: int) -> FloatArray:
     at, blank = search.begin(unvisited(np.zeros((1, 1)))), len(search.t) + search.settled
     count = max(round(steps / blank), 1)
     for _ in range(count):
-        drive = np.zeros((blank, len(search.limits.low)))
-        for a in range(drive.shape[1]):
-            drive[: len(search.t), a] = usual(kind, search.t, search.settings.slowest, rng)
+        drive = search.usual(kind, rng)
         tried = search.tried(at, [Candidate(kind, level * drive) for level in (*LEVELS, 0.0)])
         safe = np.flatnonzero(tried.safe)
         best = int(safe[0]) if safe.size else len(LEVELS)

@@ -138,11 +138,16 @@ class Search:
         """Random ones, and what is usually played at a few levels: a plan is no worse than these."""
         drawn = [self.random(size) for _ in range(self.settings.candidates)]
         for kind in FIXED[:2]:
-            drive = np.zeros((len(self.t) + self.settled, len(self.limits.low)))
-            for a in range(drive.shape[1]):
-                drive[: len(self.t), a] = usual(kind, self.t, self.settings.slowest, self.rng)
+            drive = self.usual(kind, self.rng)
             drawn += [Candidate(kind, size * level * drive) for level in USUAL_LEVELS]
         return drawn
+
+    def usual(self, kind: str, rng: np.random.Generator) -> FloatArray:
+        """(L, A) of what is usually played, as large as may be, and rest."""
+        drive = np.zeros((len(self.t) + self.settled, len(self.limits.low)))
+        for a in range(drive.shape[1]):
+            drive[: len(self.t), a] = usual(kind, self.t, self.settings.slowest, rng)
+        return drive
 
     def random(self, size: float) -> Candidate:
         """A candidate of a random kind and size, for one action or for all of them."""

@@ -5,13 +5,5 @@ from gpsim.policies.expert import FAILS, Expert, Visited
 from gpsim.policies.policy import Policy
 
 __all__ = [
-    "FAILS",
-    "Beam",
-    "BeamSearch",
-    "Expert",
-    "Policy",
-    "Visited",
-    "balance_search",
-    "export",
-    "ros_node",
-]
+    "FAILS", "Beam", "BeamSearch", "Expert", "Policy", "Visited", "balance_search", "export",
+]  # fmt: skip

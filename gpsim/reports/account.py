@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.findings import (
     Claims,
-    EndErrors,
     Estimate,
     JudgedOn,
     Leads,
@@ -22,12 +23,12 @@ from gpsim.findings import (
     OneRecording,
     RolloutErrors,
     Share,
+    StepErrors,
     sized,
 )
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import (
     Row,
-    beyond,
     claim_name,
     curve_rows,
     effect_name,
@@ -35,19 +36,20 @@ from gpsim.reports.account_effects import (
     slight_text,
     told_effects,
 )
-from gpsim.reports.diagnosis_text import combination_texts, geometry_lines, listed, parameters_of, where
+from gpsim.reports.diagnosis_text import combination_texts, geometry_lines, parameters_of, where
+from gpsim.reports.pages import environment
 from gpsim.reports.quantities import (
     brief,
     certainty_text,
     in_percent,
     is_open,
+    listed,
     percent,
-    share_text,
     shortened,
     size_text,
     spelled,
 )
-from gpsim.reports.sheets import MISSING, Cell, Sheet, row, sheet, unit, with_unit
+from gpsim.reports.sheets import unit
 from gpsim.reports.wording import worded
 from gpsim.simulators import lives_here
 
@@ -66,7 +68,8 @@ LEADS: Mapping[Leads, str] = {
 TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
 """Simulators in which gpsim trains policies, and which experiment does."""
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
-MOST_FACTS = 3  # of the log, and of parameters that only act together: further ones are in diagnosis.json
+MOST_FACTS = 3  # of parameters that only act together: further ones are in diagnosis.json
+THEN = "\x1e"  # between sentences: no name holds it
 VAGUE = 0.25  # half an interval over its value: a size that is known less well is worth another recording
 MOST_RIVALS = 2  # that are told, the likeliest; further ones are in diagnosis.json
 MOST = 4  # recordings of which each is told in a line
@@ -136,78 +139,65 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
     """
     told = worded(diagnosis)
     headline, slight = told_effects(told)
+    said = _sentences(told, headline)
     return Account(
         verdict=told.verdict,
-        sentence=_verdict_sentence(told, headline),
+        sentence=said("verdict")[0],
         where=where(told),
         rows=tuple(rows_of(headline, told)),
         slight=slight_text(slight),
         rivals=(*curve_rows((*headline, *slight)), *_rivals(told)),
         differs=tuple(differences(told)),
-        left=tuple(_left(told)),
+        left=said("left"),
         fit=_fit(told),
-        next=_next(told, headline),
+        next=said("next"),
         command=_command(told, folder, simulator),
         command_here=_command(told, HERE, simulator),
         geometry=tuple(geometry_lines(told.kinematics)),
     )
 
 
-def _verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
-    """What follows the verdict's name."""
-    verdict, found = diagnosis.verdict, diagnosis.explained
-    if verdict == "none" and diagnosis.remainder.structured:
-        return (
-            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
-        )
-    if verdict == "none":
-        return (
-            "nothing is missing that this recording could show: simulator and recording differ by noise only."
-        )
-    if verdict == "unknown":
-        if found.rollout is None or not found.rollout.share > 0.0:
-            return "something is missing, and no effect of the catalogue explains it on held-out data."
-        said = share_text(found.rollout)
-        return f"something is missing; the best explanation covers {said} of it, too little to name it."
-    alone = len(headline) == 1 == len(diagnosis.effects)  # slight effects explain some of it, too
-    said = f"{effect_name(headline[0])} explains" if alone else "the effects below explain"
-    if found.rollout is None:  # of an earlier version, or there was nothing to compare
-        said += " the mismatch"
-    else:
-        said += f" {share_text(found.rollout)} of the mismatch{JUDGED[found.judged_on]}"
-    if verdict == "named" and diagnosis.alternatives:
-        return f"{said}; other explanations that fit as well differ in small corrections only."
-    if verdict == "named":
-        return f"{said}; no other explanation does as well."
-    if verdict == "ambiguous":
-        return f"{said}, but these data cannot tell it apart from {_others(diagnosis, headline)}."
-    return f"{said}{_but(diagnosis, headline)}."
+def _sentences(d: Diagnosis, headline: Sequence[NamedEffect]) -> Callable[[str], tuple[str, ...]]:
+    """said(part): the sentences of a part, of which the template has the words."""
+    share, vaguest = d.explained.rollout, max(headline, key=_vagueness, default=None)
+    module = _template().make_module(
+        {
+            "d": d,
+            "headline": headline,
+            "then": THEN,
+            "judged": JUDGED,
+            "others": _others(d, headline),
+            # The verdict would be `partial` if all laws held.
+            "much_left": share is not None
+            and share.high is not None
+            and share.high < VerdictSettings().nearly_all,
+            "vague": [effect_name(e) for e in headline if _held(e) or not sized(e.family, e.parameters)],
+            "held": [effect_name(e) for e in headline if _held(e)],
+            "vaguest": effect_name(vaguest) if vaguest is not None and _vagueness(vaguest) > VAGUE else "",
+            "curve": next((e.curve for e in headline if e.curve is not None), None),
+            "part": left_share(d),
+            "combined": combination_texts(d.combinations[:MOST_FACTS]),
+            "poor": [
+                f"{percent(found.share)} % of {spelled(rate)}"
+                for rate, found in d.explained.one_step.items()
+                if found.share < POOR
+            ],
+            "learnt": _learnt(d),
+        }
+    )
+
+    def said(part: str) -> tuple[str, ...]:
+        found = str(getattr(module, part)()).split(THEN)
+        return tuple(text for one in found if (text := " ".join(one.split())))
+
+    return said
 
 
-def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
-    """What keeps a partial account from being named, the weightiest of it; files of earlier versions do not say."""
-    doubts = diagnosis.doubts
-    measured = [effect_name(effect) for effect in headline if effect.curve is not None]
-    bent = [effect_name(e) for e in headline if e.form == "approximate" and e.curve is None]
-    share = diagnosis.explained.rollout  # much is left: the verdict would be `partial` if all laws held
-    much = share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
-    if "left" in doubts or much or not (bent or measured or doubts):
-        return "; the rest is unexplained: the corrected simulator helps, but is not complete"
-    strange = [effect_name(e) for e in headline if e.implausible]
-    if "implausible" in doubts and strange:
-        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
-    if bent:
-        law = f"the law of {bent[0]} holds" if len(bent) == 1 else f"{len(bent)} of the laws hold"
-        return f", but {law} only approximately: trust its curve in the report more than its size"
-    if measured:
-        them = "it is a curve" if len(headline) == 1 else f"{listed(measured)} is a curve"
-        return f"; {them} that no law of the catalogue follows"
-    if "black box" in doubts:
-        return ", but a black-box model predicts much better: some physics is still missing"
-    if "no claim" in doubts:
-        return ", but each of them could be replaced by another effect"
-    vague = [effect_name(e) for e in headline if _held(e) or not sized(e.family, e.parameters)]
-    return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
+@cache
+def _template() -> Any:
+    made = environment(escapes=False)
+    made.filters |= {"effect": effect_name, "parameters": parameters_of}
+    return made.get_template("account.txt.jinja")
 
 
 def _held(effect: NamedEffect) -> bool:
@@ -252,30 +242,6 @@ def _rivals(diagnosis: Diagnosis) -> Iterator[str]:
     yield f"either {' or '.join(first)}{more}; {LEADS[diagnosis.leads]}"
 
 
-def _left(diagnosis: Diagnosis) -> Iterator[str]:
-    """What is left, the sentence that matters most first."""
-    told = diagnosis.verdict not in ("unknown", "none")
-    yield _amount(diagnosis)
-    if "black box" in diagnosis.doubts and (box := diagnosis.fit.black_box) is not None:
-        names = {"gp": "a Gaussian process alone", "curve": f"a free curve of {box.of}"}
-        text = names.get(box.model, "a Gaussian process on top of them")
-        text += f" removes {share_text(box.takes_off)} of the remaining held-out error"
-        inputs = listed([spelled(name) for name in box.depends_on])
-        yield f"{text}; it uses {inputs}" if inputs else text
-    if told:
-        yield from (effect.implausible for effect in diagnosis.effects if effect.implausible)
-    if diagnosis.log_facts:
-        yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
-    yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
-    steps = diagnosis.explained.one_step.items()
-    poor = [f"{percent(found.share)} % of {spelled(rate)}" for rate, found in steps if found.share < POOR]
-    if poor and told:
-        yield f"one step ahead only {listed(poor)} is explained"
-    if _learnt(diagnosis) and diagnosis.verdict != "none":
-        use = "simulate with it for smaller errors" if told else "the errors after include it"
-        yield f"a Gaussian process has learned it: {use}"
-
-
 def _learnt(diagnosis: Diagnosis) -> bool:
     return diagnosis.remainder.gp is not None and diagnosis.remainder.gp.used
 
@@ -285,20 +251,6 @@ def left_share(diagnosis: Diagnosis) -> float | None:
     found = diagnosis.explained.rollout
     given = diagnosis.remainder.share
     return given if given is not None else None if found is None else max(0.0, 1.0 - found.share)
-
-
-def _amount(diagnosis: Diagnosis) -> str:
-    share, remainder = left_share(diagnosis), diagnosis.remainder
-    amount = "something" if share is None else f"{percent(share)} % of the mismatch"
-    if not remainder.structured:
-        nothing = diagnosis.verdict == "none" or share is None
-        return "nothing but noise" if nothing else f"{amount}, no more than noise would leave"
-    text = "something that is not noise" if share is None else f"{amount} is unexplained"
-    if remainder.rate:
-        text += f"{', most of it' if share is not None else ''} in {spelled(remainder.rate)}"
-    if remainder.depends_on:
-        text += f"; it changes with {listed([spelled(name) for name in remainder.depends_on])}"
-    return text
 
 
 def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
@@ -316,71 +268,17 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
             return None
         return brief(value) if value < errors.after and brief(value) != brief(errors.after) else None
 
-    ahead = tuple(
-        Change(
-            name,
-            brief(e.before),
-            after(e.after, e.after_gp),
-            unit(e.unit),
-            brief(e.noise_floor) if e.noise_floor > 0.0 else None,
-        )
-        for name, e in steps.items()
+    def change(name: str, e: StepErrors | RolloutErrors, **beside: str | None) -> Change:
+        return Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), **beside)
+
+    ahead = (
+        change(n, e, noise=brief(e.noise_floor) if e.noise_floor > 0.0 else None) for n, e in steps.items()
     )
-    runs = tuple(
-        Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit), black_box=reached(e))
-        for name, e in rollout.channels.items()
-    )
+    runs = (change(n, e, black_box=reached(e)) for n, e in rollout.channels.items())
     return (
-        Fit("one step", ahead, "no rate follows from what was recorded"),
-        Fit(f"after {rollout.horizon_s:.3g} s", runs, "no held-out stretch is as long"),
+        Fit("one step", tuple(ahead), "no rate follows from what was recorded"),
+        Fit(f"after {rollout.horizon_s:.3g} s", tuple(runs), "no held-out stretch is as long"),
     )
-
-
-def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> tuple[str, ...]:
-    """One decision. What is named is used: a recording that would make its account sharper is optional."""
-    if diagnosis.verdict == "none":
-        return ("train in the simulator as it is: it needs no correction",)
-    further = _further(diagnosis, headline)
-    if diagnosis.verdict == "named" and further:
-        return "use it: no further recording is needed", f"optional: {further}"
-    return (further or "use it: no further recording would change this account",)
-
-
-def _further(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
-    """The recording that would change the account most; empty where none would."""
-    held = [effect_name(e) for e in headline if _held(e)]
-    named, structured = diagnosis.verdict == "named", diagnosis.remainder.structured
-    if diagnosis.tell_apart and diagnosis.alternatives and not named:
-        return diagnosis.tell_apart
-    measured = [e.curve for e in headline if e.curve is not None]
-    if measured and not structured:
-        return beyond(measured[0])
-    if not named and (structured or diagnosis.verdict in ("unknown", "partial")):
-        return _where_it_moves(diagnosis)
-    if diagnosis.combinations:
-        of = parameters_of(diagnosis.combinations[0])
-        return f"measure {of} on its own: motion alone fixes only a combination"
-    if held:
-        return f"record more of what {held[0]} does: its size is at the limit of the search"
-    vague = max(headline, key=_vagueness, default=None)
-    if vague is not None and _vagueness(vague) > VAGUE:
-        return f"record more of what {effect_name(vague)} does: its size is known least well"
-    return ""
-
-
-def _where_it_moves(diagnosis: Diagnosis) -> str:
-    """A recording that shows more of what is left: where what it depends on moves."""
-    inputs = diagnosis.remainder.depends_on
-    if inputs:
-        names = listed(list(map(spelled, inputs)))
-        its, it = ("its", "it") if len(inputs) == 1 else ("their", "them")
-        return (
-            f"record {names} over {its} whole range, in one slow sweep and one fast sweep: what is missing changes "
-            f"with {it}"
-        )
-    if diagnosis.explained.judged_on != "held-out rollouts":
-        return "record for longer: there was too little held-out data to judge what is left"
-    return "record slow and fast sweeps of every command: no measured channel predicts what is left"
 
 
 def _vagueness(effect: NamedEffect) -> float:
@@ -447,16 +345,17 @@ def _sizes(effect: NamedEffect, parameter: str, names: Sequence[str]) -> str:
     own = [name for name in names if parameter in (effect.own or {}).get(name, {})]
     others = [name for name in names if name not in own]
     each = names if len(names) <= 2 else own
-    said = [f"{_size(effect, parameter, name)} in {shortened(name)}" for name in each[:MOST]]
+    said = [f"{size_in(effect, parameter, name)} in {shortened(name)}" for name in each[:MOST]]
     if len(each) > MOST:
         said.append(f"{len(each) - MOST} more in the table")
     if len(names) > 2 and others:
         where = f"in {shortened(others[0])}" if len(others) == 1 else "in the others"
-        said.append(f"{_size(effect, parameter, others[0])} {where}")
+        said.append(f"{size_in(effect, parameter, others[0])} {where}")
     return ", ".join(said)
 
 
-def _size(effect: NamedEffect, parameter: str, recording: str) -> str:
+def size_in(effect: NamedEffect, parameter: str, recording: str) -> str:
+    """A parameter as it is in one recording."""
     found = value_in(effect, parameter, recording)
     return "none" if found is None else size_text(parameter, found)
 
@@ -485,46 +384,7 @@ def _change(effect: NamedEffect, names: Sequence[str]) -> str:
     return f"{verb} by {in_percent(abs(ratio - 1.0))} % from {shortened(names[0])} to {shortened(names[1])}"
 
 
-def recordings_sheet(diagnosis: Diagnosis) -> Sheet:
-    """A column a recording; no rows where there is one alone."""
-    recordings = diagnosis.recordings or ()
-    note = "Errors: root mean square at the end of rollouts, of the base → with the account."
-    if any(recording.from_others is not None for recording in recordings):
-        note += (
-            " From the others: the account with what all other recordings say, on the whole of this one; what its own "
-            "sensors add stays its own."
-        )
-    heads = ("", *(recording.name for recording in recordings))
-    return sheet("Recordings", heads, _rows(diagnosis, recordings) if recordings else (), note=note)
-
-
-def _rows(diagnosis: Diagnosis, recordings: Sequence[OneRecording]) -> Iterator[tuple[Cell, ...]]:
-    def share(part: Share | None) -> str:
-        return "nothing to explain" if part is None else share_text(part)
-
-    def ends(errors: EndErrors | None) -> str:
-        return MISSING if errors is None else f"{brief(errors.before)} → {brief(errors.after)}"
-
-    others = [r.from_others for r in recordings]
-    yield row("transitions", *(str(r.transitions) for r in recordings))
-    yield row("held out", *map(_episodes, recordings))
-    yield row("explained", *(share(r.explained) for r in recordings))
-    if any(o is not None for o in others):
-        yield row("explained, from the others", *(share(o.explained) if o else MISSING for o in others))
-    for effect in diagnosis.effects:
-        for name in effect.parameters if effect.own else ():
-            label = f"{effect_name(effect)}, {name.replace('_', ' ')}"
-            yield row(label, *(_size(effect, name, r.name) for r in recordings))
-    after = f"after {diagnosis.fit.rollout.horizon_s:.3g} s"
-    units = {name: e.unit for r in recordings for name, e in r.rollout.items()}
-    for channel in units:
-        yield row(f"{with_unit(channel, units)} {after}", *(ends(r.rollout.get(channel)) for r in recordings))
-    for channel in units if any(o and o.rollout for o in others) else ():
-        label = f"{with_unit(channel, units)}, from the others"
-        yield row(label, *(ends(o.rollout.get(channel) if o else None) for o in others))
-
-
-def _episodes(recording: OneRecording) -> str:
+def episodes_text(recording: OneRecording) -> str:
     """The names of its held-out episodes, without its own in front of them."""
     names = [name.removeprefix(f"{recording.name}/") for name in recording.held_out]
     shown = ", ".join(names[:MOST]) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")

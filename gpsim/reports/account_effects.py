@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.findings import Form, MeasuredCurve, NamedEffect
-from gpsim.reports.diagnosis_text import gate_text, listed, noun
-from gpsim.reports.quantities import certainty_text, is_open, percent, shortened, size_text, spelled
+from gpsim.findings import Form, NamedEffect
+from gpsim.reports.diagnosis_text import gate_text, noun
+from gpsim.reports.quantities import certainty_text, is_open, listed, percent, shortened, size_text, spelled
 from gpsim.reports.sheets import MISSING
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
@@ -29,7 +29,7 @@ class Row:
 
     whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes:
     of each parameter its name, empty of the only one, and how large; share: of the mismatch, None where nobody computed
-    it; percent, interval: the same in words; certainty: how sure it is; instead: what the data cannot tell it apart
+    it; interval: of that, in words; certainty: how sure it is; instead: what the data cannot tell it apart
     from, if anything. members: of a group (`Coulomb friction on 6 joints`) each joint and how large it is there.
     """
 
@@ -38,13 +38,16 @@ class Row:
     gate: str
     sizes: tuple[tuple[str, str], ...]
     share: float | None
-    percent: str
     interval: str
     certainty: str
     instead: str
     law: str
-    approximate: bool
     members: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def percent(self) -> str:
+        """The share in words."""
+        return MISSING if self.share is None else f"{percent(self.share)} %"
 
 
 def told_effects(diagnosis: Diagnosis) -> tuple[list[NamedEffect], list[NamedEffect]]:
@@ -107,12 +110,10 @@ def _group_of(group: Sequence[NamedEffect]) -> Row:
         gate="",
         sizes=(("", f"{members[0][1]} each" if alike else "each below"),),
         share=share,
-        percent=MISSING if share is None else f"{percent(share)} %",
         interval="",
         certainty=certainty_text(weakest.odds),
         instead=_instead(weakest),
         law=LAW[form],
-        approximate=form == "approximate",
         members=() if alike else tuple(sorted(members, key=lambda m: _natural(m[0]))),
     )
 
@@ -135,12 +136,10 @@ def _row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
         gate="" if alone else gate_text(effect, diagnosis.dt),
         sizes=_sizes(effect),
         share=share,
-        percent=MISSING if share is None else f"{percent(share)} %",
         interval=interval,
         certainty=certainty_text(effect.odds),
         instead=_instead(effect),
         law=LAW[effect.form] if curve is None else MEASURED,
-        approximate=effect.form == "approximate",
     )
 
 
@@ -219,10 +218,3 @@ def curve_rows(effects: Sequence[NamedEffect]) -> Iterator[str]:
         little = effect.role == "slight" and part is not None and part.share < TRIFLE
         if effect.curve is not None and not little:
             yield curve_sentence(effect)
-
-
-def beyond(curve: MeasuredCurve) -> str:
-    """What to record where nothing else is left: where the curve was never measured."""
-    low, high = curve.visited
-    reach = f"[{low:.3g}, {high:.3g}] {curve.input_unit}"
-    return f"record {shortened(curve.input)} beyond {reach}, if you need it there: the curve is held, which is a guess"

@@ -127,7 +127,9 @@ def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
         return []
     shown = rows[: limits.rows]
     for heads, full in ((HEADS, BAR), (SHORT_HEADS, SHORT_BAR)):
-        cells = [(r.effect, _sizes(r, limits.sizes), _share(r, full), r.certainty, r.law) for r in shown]
+        cells = [
+            (_one_line(r.effect), _sizes(r, limits.sizes), _share(r, full), r.certainty, r.law) for r in shown
+        ]
         longest = [max((_labelled(*size) for size in s), key=cell_len, default="") for _, s, *_ in cells]
         needed = _needed([heads, *((c[0], size, *c[2:]) for c, size in zip(cells, longest, strict=True))])
         widths = list(needed)
@@ -137,7 +139,7 @@ def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
             break
     lines = [_line(heads, widths)]
     for row, (effect, sizes, *numbers) in zip(shown, cells, strict=True):
-        names = _in_lines(_one_line(effect), widths[0], limits.names)
+        names = _in_lines(effect, widths[0], limits.names)
         told = [_labelled(*size, widths[1]) for size in sizes]
         first, *others = zip_longest(names, told or [""], fillvalue="")
         lines.append(_line((*first, *numbers), widths))
@@ -166,40 +168,27 @@ def _labelled(name: str, size: str, width: int | None = None) -> str:
     """A parameter's name and its size; of both the name makes room."""
     if width is not None and name:
         name = _fitting(name, max(width - cell_len(size) - 1, 1))
-    return f"{name} {size}".strip()
+    return _one_line(f"{name} {size}")
 
 
 def _share(row: Row, full: int) -> str:
+    """A bar of block characters, as wide whatever the share, and its number; full: columns of the whole."""
     percent = row.percent if len(row.percent) <= PERCENT else row.percent.replace(" ", "")
-    return f"{bar(row.share, full)} {percent:>{PERCENT}}"
-
-
-def bar(share: float | None, full: int = BAR) -> str:
-    """A bar of block characters, as wide whatever its share; full: columns of the whole."""
-    eighths = round(8 * full * min(max(share or 0.0, 0.0), 1.0))
-    whole, rest = divmod(eighths, 8)
-    return f"{'█' * whole}{EIGHTHS[rest] if rest else ''}".ljust(full)
+    whole, rest = divmod(round(8 * full * min(max(row.share or 0.0, 0.0), 1.0)), 8)
+    return f"{('█' * whole + (EIGHTHS[rest] if rest else '')).ljust(full)} {percent:>{PERCENT}}"
 
 
 def _needed(table: Sequence[Sequence[str]]) -> list[int]:
     """Of every column: what its head and its cells need, not more than it may take."""
+    longest = [max(map(cell_len, column)) for column in zip(*table, strict=True)]
     return [
-        min(max(cell_len(_cell(row[i], i)) for row in table), max(most, len(table[0][i])))
-        for i, most in enumerate(WIDEST)
+        min(need, max(most, len(head))) for need, most, head in zip(longest, WIDEST, table[0], strict=True)
     ]
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    fitted = [
-        set_cell_size(_fitting(_cell(cell, i), width), width)
-        for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    ]
+    fitted = (set_cell_size(_fitting(c, width), width) for c, width in zip(cells, widths, strict=True))
     return (" " * GAP).join(fitted).rstrip()
-
-
-def _cell(text: str, column: int) -> str:
-    """One line; a bar keeps its spaces."""
-    return text if column == 2 else _one_line(text)
 
 
 def _in_lines(text: str, width: int, most: int) -> list[str]:

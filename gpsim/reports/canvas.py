@@ -1,26 +1,21 @@
-"""What all pages and figures share: templates, style, panels, colours, and names shown letter by letter.
+"""What all figures share: style, panels, colours, and names shown letter by letter.
 
 Matplotlib reads what stands between two `$` as a formula, drops legend labels that begin with `_`, and warns of letters
-that its font lacks. Names are data: none of this may happen to them, and every text of a page is escaped.
+that its font lacks. Names are data: none of this may happen to them.
 """
 
 from __future__ import annotations
 
 import base64
-import hashlib
 import io
-import json
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import cache, partial
-from importlib import resources
+from functools import cache
 from typing import Any
 
 import matplotlib
 import numpy as np
-from jinja2 import Environment, FunctionLoader, StrictUndefined
-from markupsafe import Markup
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -30,7 +25,9 @@ from matplotlib.font_manager import FontProperties, findfont
 from matplotlib.ft2font import FT2Font
 from matplotlib.text import Text
 
-from gpsim.reports.quantities import LONGEST, shortened
+from gpsim.reports.pages import page_of as page_of
+from gpsim.reports.pages import resource as resource
+from gpsim.reports.quantities import LABEL, LONGEST, shortened
 
 POLICIES = {
     "Source": "#D55E00",
@@ -49,9 +46,7 @@ INK, FAINT, GRID, BAND, GP = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8", "#0072B
 
 FAMILY = "DejaVu Sans"  # comes with matplotlib: the same on every machine
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
-LABEL = 18  # letters of a name beside an axis that is no longer than that,
-LONGEST_UNIT = 12  # and of a unit
-LONGEST_CELL = 48  # letters of a name in a table: its title holds all of them
+LONGEST_UNIT = 12  # letters of a unit beside an axis
 STYLE: dict[Any, Any] = {
     "font.family": FAMILY,
     "font.size": 10.5,
@@ -140,17 +135,10 @@ def _letters() -> frozenset[int]:
 
 
 @contextmanager
-def defaults() -> Iterator[None]:
-    """Matplotlib's defaults, whatever the caller's own settings are."""
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        yield
-
-
-@contextmanager
 def style() -> Iterator[None]:
     """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
-    with defaults():
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
         yield
 
@@ -191,54 +179,3 @@ def _saved(figure: Figure, **how: Any) -> bytes:
 def data_uri(figure: Figure) -> str:
     """The figure as the source of an image; an image keeps the ids of several SVGs on a page apart."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg(figure)).decode("ascii")
-
-
-def page_of(template: str, style: str, **content: Any) -> str:
-    """The page that a template file makes of its content; `head` in it is the charset, the policy and the style.
-
-    style: the one style sheet. Scripts, frames, forms and everything from elsewhere stay out, whatever a name holds.
-    """
-    if "<" in style or "\r" in style:
-        raise ValueError("a style sheet that ends its own element, or whose hash a browser would not find")
-    policy = Markup('<meta http-equiv="Content-Security-Policy" content="{}">').format(security_policy(style))
-    narrow = Markup('<meta name="viewport" content="width=device-width, initial-scale=1">')
-    head = Markup('<meta charset="utf-8">\n{}{}\n<style>{}</style>').format(narrow, policy, Markup(style))
-    return fragment_of(template, head=head, **content)
-
-
-def fragment_of(template: str, **content: Any) -> str:
-    """What a template file makes of its content, for a page that somebody else makes."""
-    environment = Environment(
-        loader=FunctionLoader(resource), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-        lstrip_blocks=True,
-    )  # fmt: skip
-    environment.filters |= {
-        "short": partial(_with_most, LONGEST_CELL, shortened),
-        "title_of": partial(_with_most, LONGEST_CELL, lambda text, most: _titled([text], most)),
-        "titles_of": partial(_with_most, LABEL, _titled),
-        "pretty": partial(json.dumps, indent=1, default=str),
-    }
-    return environment.get_template(template).render(**content)
-
-
-def resource(name: str) -> str:
-    """The text of a template or a style sheet."""
-    return resources.files("gpsim.reports").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def security_policy(style: str) -> str:
-    """A Content-Security-Policy under which a page may show pictures that it holds, in this style, and nothing else."""
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
-    return (
-        f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; form-action 'none'"
-    )
-
-
-def _with_most(usual: int, make: Callable[[Any, int], str], shown: Any, most: int | None = None) -> str:
-    return make(shown, usual if most is None else most)
-
-
-def _titled(names: Sequence[str], most: int) -> str:
-    """A title attribute with the whole of those names that are not shown whole."""
-    long = [name for name in names if len(name) > most]
-    return Markup(' title="{}"').format(", ".join(long)) if long else ""

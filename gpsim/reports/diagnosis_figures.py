@@ -20,9 +20,9 @@ from gpsim.findings import NamedEffect
 from gpsim.reports import canvas
 from gpsim.reports.account import left_share
 from gpsim.reports.account_effects import effect_name, told_effects
-from gpsim.reports.canvas import FAINT, GRID, LABEL, beside, legend_above, named, panels, png, style
+from gpsim.reports.canvas import FAINT, GRID, beside, legend_above, named, panels, png, style
 from gpsim.reports.diagnosis_text import noun
-from gpsim.reports.quantities import in_percent, number, percent, shortened
+from gpsim.reports.quantities import LABEL, in_percent, number, percent, shortened
 from gpsim.traces import BASE, COHERENT, EFFECTS, MEASURED, Course, Response, Trace, Traces
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}

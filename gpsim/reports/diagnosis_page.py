@@ -10,26 +10,17 @@ from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
-from gpsim.findings import Kind, Ratio, RolloutErrors, StepErrors
-from gpsim.reports.account import Account, account_of, recordings_sheet
-from gpsim.reports.account_effects import Row
-from gpsim.reports.canvas import FAINT, SEGMENTS, fragment_of, page_of, resource
+from gpsim.reports import diagnosis_text as words
+from gpsim.reports.account import Account, account_of, episodes_text, size_in
+from gpsim.reports.account_effects import Row, effect_name
+from gpsim.reports.canvas import FAINT, SEGMENTS
 from gpsim.reports.diagnosis_figures import MOST, PARTS, ROLLOUT, Picture
-from gpsim.reports.diagnosis_text import RANKED, geometry_sheet, inseparable_lines, not_asked_lines, ranking
-from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.pages import fragment_of, page_of, resource
 from gpsim.reports.robot_figure import ROBOT
-from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
+from gpsim.reports.statistics_text import trace_lines
 
 MOST_LINES, MOST_CHANGES = 9, 6
 """Of the account's tables of effects and of errors, on the first screen."""
-KINDS: Mapping[Kind, str] = {
-    "before": "base",
-    "tuned": "base tuned",
-    "gp": "base + GP",
-    "after": "base + effects",
-    "after_gp": "base + effects + GP",
-    "noise_floor": "noise floor",
-}
 
 
 def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
@@ -38,7 +29,6 @@ def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
         "account.html.jinja",
         style=Markup(resource("account.css")),
         account=account,
-        sentence=account.sentence[:1].upper() + account.sentence[1:],
         pictures=pictures,
     )
 
@@ -58,35 +48,26 @@ def page(
     effect goes.
     """
     first, account = front_of(diagnosis), account_of(diagnosis, simulator=simulator)
-    runs = diagnosis.fit.rollout
     return page_of(
         "diagnosis.html.jinja",
         resource("diagnosis.css") + _bars(),
         name=name,
         account=account,
-        sentence=account.sentence[:1].upper() + account.sentence[1:],
         most_rows=_first_rows(account.rows),
         most_changes=MOST_CHANGES,
-        tint=_tint,
-        kinds=KINDS,
-        number=number,
-        share=_share,
-        tables={
-            "One step ahead on held-out data": diagnosis.fit.one_step,
-            **({f"After {runs.horizon_s:.3g} s on held-out data": runs.channels} if runs.channels else {}),
-        },
+        colours=MOST,
         front=[pictures[key] for key in first if key in pictures],
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
-        recordings=recordings_sheet(diagnosis),
-        geometry=geometry_sheet(diagnosis.kinematics),
-        inseparable=inseparable_lines(diagnosis.kinematics),
-        sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
-        statistics=statistics(diagnosis),
+        episodes_text=episodes_text,
+        size_in=size_in,
+        units={name: e.unit for r in diagnosis.recordings or () for name, e in r.rollout.items()},
+        diagnosis=diagnosis,
+        words=words,
+        effect_name=effect_name,
         model=model,
-        not_asked=not_asked_lines(diagnosis.not_asked),
-        ranked=RANKED,
-        ranking="\n".join(ranking(diagnosis)),
+        not_asked=words.not_asked_lines(diagnosis.not_asked),
+        ranking="\n".join(words.ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps({k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}, indent=2),
     )
@@ -107,19 +88,3 @@ def _bars() -> str:
     """Lengths and colours of bars as rules of the style sheet: the policy lets no inline styles in."""
     lengths = "".join(f".w{i} {{ width: {i}%; }}\n" for i in range(101))
     return lengths + "".join(f".c{i} {{ background: {c}; }}\n" for i, c in enumerate((*SEGMENTS, FAINT)))
-
-
-def _tint(row: Row, index: int) -> str:
-    """The classes of a row's bar: its length, and the colour of its part in the picture."""
-    return f"w{round(100 * min(max(row.share or 0.0, 0.0), 1.0))} c{min(index, MOST)}"
-
-
-def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
-    """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
-    left: Ratio | None = getattr(errors.over_before, kind, None)  # none of the base and of the noise floor
-    if left is None or left.value is None:
-        return ""
-    text = in_percent(left.value)
-    if left.low is None or left.high is None:
-        return text
-    return f"{text} ({in_percent(left.low)} to {in_percent(left.high)})"

@@ -26,8 +26,9 @@ from gpsim.findings import (
     NotAsked,
     RankedHypothesis,
 )
-from gpsim.reports.quantities import brief, interval_text, number, percent, size_text, spelled
-from gpsim.reports.sheets import Sheet, sheet, unit
+from gpsim.reports.pages import text_of
+from gpsim.reports.quantities import brief, interval_text, listed, number, percent, size_text, spelled
+from gpsim.reports.sheets import unit
 
 COUNTED: Mapping[str, tuple[str, str]] = {
     "repeated": ("{of} repeats the one before", "{of} repeat the one before"),
@@ -58,14 +59,6 @@ RANKINGS = {"all": "On all training windows:", "search": "Given up in the search
 RANKED = "nats behind the chosen one (below zero: ahead of it), what came of it, integration, explanation"
 COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
 TRIFLE = 0.01  # of a rate's residual: less is not told
-MOST = 3  # names that are told of a list
-
-
-def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
-    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
-    if most is not None and len(names) > most:
-        names = [*names[:most], f"{len(names) - most} more"]
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def noun(family: str) -> str:
@@ -223,26 +216,29 @@ def terms_text(effects: Claims) -> str:
 
 def where(diagnosis: Diagnosis) -> str:
     """In which rates, on what they depend, in which part of state or time, and what of the log was looked at."""
-    location = diagnosis.location
-    if diagnosis.verdict == "none":
-        return (
-            f"nowhere: the error is noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
-        )
+    location, part = diagnosis.location, diagnosis.location.concentrated
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
-    told = [f"{spelled(name)} ({percent(share)} %" for name, share in shares if share > TRIFLE]
-    if told:
-        told[0] += " of the error there is not noise"
-        text = f"in {listed([f'{one})' for one in told])}"
-    elif diagnosis.fit.one_step:
-        text = "the error is small in every rate, but more than noise"
-    else:
-        text = "in a rate that was not measured"
-    if location.depends_on:
-        inputs = [spelled(name) for name in location.depends_on]
-        text += f"; look at {listed(inputs)}: the error changes with {'it' if len(inputs) == 1 else 'them'}"
-    for gate in _gates(location.region, location.since, location.since_episode, diagnosis.dt):
-        text += f"; {gate}"
-    return f"{text}{_part(diagnosis)}.{_looked_at(diagnosis)}"
+    places = [f"{spelled(name)} ({percent(share)} %" for name, share in shares if share > TRIFLE]
+    lies = ""
+    if part is not None:
+        (low, high), of = part.interval, spelled(part.channel.removeprefix(SINCE_REVERSAL))
+        if part.is_channel or not part.channel.startswith(SINCE_REVERSAL):
+            lies = f"{part.where} {spelled(part.channel)} = {_between(low, high)}"
+        else:
+            lies = f"within {high:.3g} s of a reversal of {of}" if high > 0.0 else f"where {of} reverses"
+    text = text_of(
+        "where.txt.jinja",
+        d=diagnosis,
+        places=[f"{one}{' of the error there is not noise' * (not i)})" for i, one in enumerate(places)],
+        gates=_gates(location.region, location.since, location.since_episode, diagnosis.dt),
+        lies=lies,
+        coarse=[
+            f"{number(e.finely)} of {spelled(name)}'s {number(e.before)} {e.unit}"
+            for name, e in diagnosis.fit.one_step.items()
+            if e.finely is not None and e.finely < COARSE * e.before
+        ],
+    )
+    return " ".join(text.split())
 
 
 def gate_text(effect: NamedEffect, dt: float | None) -> str:
@@ -264,35 +260,6 @@ def _gates(
     return said
 
 
-def _own_step(diagnosis: Diagnosis) -> str:
-    """What of the residual the base simulator's own step makes, where that is much."""
-    left = [
-        f"{number(e.finely)} of {spelled(name)}'s {number(e.before)} {e.unit}"
-        for name, e in diagnosis.fit.one_step.items()
-        if e.finely is not None and e.finely < COARSE * e.before
-    ]
-    if not left:
-        return ""
-    return f" The simulator's own step is coarse: integrated finely, {listed(left)} is left one step ahead."
-
-
-def _part(diagnosis: Diagnosis) -> str:
-    """In which part of state, action or time nearly all of it lies; what a named region says already is left out."""
-    location, part = diagnosis.location, diagnosis.location.concentrated
-    if part is None or _gates(location.region, location.since, location.since_episode, diagnosis.dt):
-        return ""
-    (low, high), name = part.interval, part.channel
-    of = spelled(name.removeprefix(SINCE_REVERSAL))
-    if part.is_channel or not name.startswith(SINCE_REVERSAL):
-        lies = f"{part.where} {spelled(name)} = {_between(low, high)}"
-    else:
-        lies = f"within {high:.3g} s of a reversal of {of}" if high > 0.0 else f"where {of} reverses"
-    return (
-        f"; {percent(part.share_of_mismatch)} % of {spelled(part.rate)}'s error lies {lies}, "
-        f"in {percent(part.share_of_samples)} % of the samples"
-    )
-
-
 def _between(low: float, high: float) -> str:
     """An interval: three digits of its ends, more where they share the first ones."""
     size, width = max(abs(low), abs(high)), abs(high - low)
@@ -306,18 +273,6 @@ def _moment(t: float, dt: float | None) -> str:
     return f"{t:.{max(0, math.ceil(-math.log10(dt)))}f}" if dt else f"{t:.3g}"
 
 
-def _looked_at(diagnosis: Diagnosis) -> str:
-    """What a reader must know of the data that were looked at."""
-    text = ""
-    if diagnosis.thinned > 1:
-        nth = f"{diagnosis.thinned}{ {2: 'nd', 3: 'rd'}.get(diagnosis.thinned, 'th') }"
-        text += f" The clock is fast: every {nth} sample was used, commands averaged between."
-    if diagnosis.not_measured:
-        names = listed([spelled(name) for name in diagnosis.not_measured])
-        text += f" Not measured and estimated by each model: {names}."
-    return text
-
-
 GEOMETRY: Mapping[GeometryKind, str] = {
     "frame turn": "the base's turn about {axis}",
     "frame place": "the base's place along {axis}",
@@ -328,12 +283,6 @@ GEOMETRY: Mapping[GeometryKind, str] = {
     "site turn": "the turn of {on} about {axis}",
     "delay": "the delay of the motion capture",
 }
-GEOMETRY_NOTE = (
-    "A zero is to be added to the encoder's reading; a link's place is along its parent's axes, its turn about "
-    "its own. The robot's numbers are corrected in the simulator and in what `gpsim export model` writes; those of the "
-    "laboratory (the base in the motion capture's frame, turned about the first joint; the delay) are none of the "
-    "model's."
-)
 
 
 def place_name(place: GeometryPlace) -> str:
@@ -387,26 +336,6 @@ def geometry_lines(found: Kinematics | None) -> list[str]:
         )
     laboratory = [found_text(f) for f in found.found if not f.model]
     return [*lines, *([f"the laboratory: {'; '.join(laboratory)}"] if laboratory else [])]
-
-
-def geometry_sheet(found: Kinematics | None) -> Sheet:
-    """A row a number that is off; no rows without poses."""
-    rows = (
-        (
-            place_name(each.place),
-            "the robot's" if each.model else "the laboratory's",
-            instead_text(each),
-            size_text("", each.size),
-        )
-        for each in (found.found if found is not None else ())
-    )
-    heads = ("what is off", "whose", "instead of it", "by (90 %)")
-    return sheet("Geometry", heads, rows, labels=3, note=GEOMETRY_NOTE)
-
-
-def inseparable_lines(found: Kinematics | None) -> list[str]:
-    """What no sample of the recording tells apart, a line each."""
-    return [inseparable_text(entry) for entry in found.inseparable] if found is not None else []
 
 
 def with_sentences(found: Kinematics | None) -> Kinematics | None:

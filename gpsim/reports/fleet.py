@@ -15,10 +15,11 @@ from gpsim.findings import Estimate, NamedEffect
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import claim_name, effect_name, told_effects
 from gpsim.reports.account_lines import account_lines
-from gpsim.reports.canvas import INK, data_uri, named, page_of, panels, resource, style
+from gpsim.reports.canvas import INK, data_uri, named, panels, style
 from gpsim.reports.diagnosis_text import gate_text
+from gpsim.reports.pages import page_of, resource
 from gpsim.reports.quantities import shortened, size_text
-from gpsim.reports.sheets import MISSING, Cell, sheet, whole_percent
+from gpsim.reports.sheets import MISSING
 
 WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
 TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
@@ -227,19 +228,12 @@ MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; }
 img { max-width: 100%; } pre { overflow-x: auto; background: #f6f7f9; padding: .7rem; } summary { cursor: pointer; }
 """
-NOTE = (
-    "An effect belongs to the fleet where more than half of the robots have it. A size is apart where it lies beyond "
-    "twice its own 90 % interval, a tenth of the fleet's median, and three robust standard deviations of the fleet."
-)
 
 
 def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
     """The page; simulators: the base of each recording. Equal diagnoses give equal pages."""
     found = deviations(robots)
     figure = fleet_picture(robots, found)
-    differences = (
-        (Cell(d.robot, marked=True), d.effect, d.here, d.others, d.since or MISSING) for d in found
-    )
     odd = {d.robot for d in found}
     accounts = [
         [robot.error]
@@ -247,33 +241,20 @@ def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
         else account_lines(account_of(robot.diagnosis, simulator=simulator or None))
         for robot, simulator in zip(robots, simulators, strict=True)
     ]
-    heads = ("robot", "effect", "here", "the others", "since, where")
     return page_of(
         "fleet.html.jinja",
         resource("plain.css") + MORE,
         robots=robots,
         said=headline(robots, found),
         picture=None if figure is None else data_uri(figure),
-        sheets=[
-            sheet("What differs", heads, differences, labels=5, note=NOTE),
-            sheet(
-                "Every robot",
-                ("robot", "verdict", "explained", "effects"),
-                (_robot(robot, robot.name in odd) for robot in robots),
-                labels=4,
-            ),
-        ],
+        differences=found,
+        odd=odd,
+        effects_of=_effects,
         accounts=list(zip((robot.name for robot in robots), accounts, strict=True)),
     )
 
 
-def _robot(robot: Robot, odd: bool) -> tuple[Cell | str, ...]:
-    found = robot.diagnosis
-    if found is None:
-        return Cell(robot.name, marked=True), Cell("failed", marked=True), MISSING, robot.error
-    share = found.explained.rollout.share if found.explained.rollout is not None else None
-    effects = [
-        " ".join(filter(None, (effect_name(e), size_of(e), gate_text(e, found.dt))))
-        for e in told_effects(found)[0]
-    ]
-    return Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "\n".join(effects) or MISSING
+def _effects(found: Diagnosis) -> list[str]:
+    """Each headline effect with its size, and where it acts."""
+    told = ((effect_name(e), size_of(e), gate_text(e, found.dt)) for e in told_effects(found)[0])
+    return [" ".join(filter(None, parts)) for parts in told] or [MISSING]

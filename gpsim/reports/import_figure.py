@@ -6,12 +6,10 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray
 from gpsim.recordings import Recording
-from gpsim.reports.canvas import LONGEST_UNIT, defaults, make_literal
+from gpsim.reports.canvas import LONGEST_UNIT, panels, png, style
 from gpsim.reports.quantities import shortened
 
 STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
@@ -24,27 +22,19 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
 
     Episodes on their own clocks are laid one after the other.
     """
-    with defaults():
-        figure = _drawn(recording, title)
-        make_literal(figure)
-        figure.savefig(path, dpi=110, metadata={"Software": None})
-
-
-def _drawn(recording: Recording, title: str) -> Figure:
     channels = [*recording.state, *recording.action]
-    figure = Figure(figsize=(10.0, 1.0 + 1.25 * len(channels)), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
-    starts = _starts(recording)
-    for row, (channel, panel) in enumerate(zip(channels, panels, strict=True)):
-        _panel(panel, recording, starts, row)
-        label = f"{shortened(channel.name)}\n[{shortened(channel.unit, LONGEST_UNIT)}]"
-        panel.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=9)
-    one_clock = recording.clock == "session"
-    panels[-1].set_xlabel("time [s]" if one_clock else "time [s], episodes one after the other")
-    what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
-    figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
-    return figure
+    with style():
+        figure, axes = panels(len(channels), 1, (10.0, 1.0 + 1.25 * len(channels)), sharex=True)
+        starts = _starts(recording)
+        for row, (channel, panel) in enumerate(zip(channels, axes[:, 0], strict=True)):
+            _panel(panel, recording, starts, row)
+            label = f"{shortened(channel.name)}\n[{shortened(channel.unit, LONGEST_UNIT)}]"
+            panel.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=9)
+        apart = "" if recording.clock == "session" else ", episodes one after the other"
+        axes[-1, 0].set_xlabel(f"time [s]{apart}")
+        what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
+        figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
+        path.write_bytes(png(figure))
 
 
 def _starts(recording: Recording) -> FloatArray:
@@ -88,7 +78,6 @@ def _panel(panel: Axes, recording: Recording, starts: FloatArray, row: int) -> N
     panel.set_ylim(low - margin, high + margin)
     panel.margins(x=0.005)
     panel.tick_params(labelsize=8)
-    panel.spines[["top", "right"]].set_visible(False)
 
 
 def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

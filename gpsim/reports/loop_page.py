@@ -10,44 +10,32 @@ from dataclasses import replace
 from textwrap import fill
 from typing import Any
 
-from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from gpsim.reports.canvas import POLICIES, colours, data_uri, page_of, resource
-from gpsim.reports.gp_figures import figure_residual_slices
+from gpsim.reports import loop_sheets
+from gpsim.reports.canvas import POLICIES, colours, data_uri
 from gpsim.reports.loop_figures import (
     figure_learning_curves,
+    figure_residual_slices,
     figure_returns,
     figure_rollouts,
     figure_trips,
 )
 from gpsim.reports.loop_report import LoopReport
-from gpsim.reports.loop_sheets import (
-    calibration_sheet,
-    cards,
-    fit_sheet,
-    gp_warnings,
-    one_step_sheet,
-    paragraph,
-    return_sheets,
-    rollout_sheet,
-    success_sheets,
-)
+from gpsim.reports.pages import page_of, resource
 from gpsim.reports.sheets import Cell, Sheet, literal, printable
 
-HEADER = (
-    12  # characters a line of a column's head may hold: heads must not make a table wider than a terminal
-)
-FIGURES: Mapping[str, Callable[[LoopReport], Figure | None]] = {
+HEADER = 12  # characters a line of a column's head: heads must not make a table wider than a terminal
+FIGURES: Mapping[str, Callable[[LoopReport], Any]] = {
     "trips": figure_trips,
     "returns": figure_returns,
     "slices": figure_residual_slices,
     "rollouts": figure_rollouts,
     "learning": figure_learning_curves,
 }
-"""By their keys in the template."""
+"""By their keys in the template; None where there is nothing to draw."""
 
 
 def render(report: LoopReport) -> str:
@@ -59,15 +47,7 @@ def render(report: LoopReport) -> str:
         resource("loop_report.css") + _tints(colour),
         report=report,
         tints={name: f"tint-{i}" for i, name in enumerate(colour)},
-        paragraph=paragraph(report),
-        cards=cards(report),
-        success_sheets=success_sheets(report),
-        return_sheets=return_sheets(report),
-        one_step=one_step_sheet(report),
-        calibration=calibration_sheet(report),
-        rollout=rollout_sheet(report),
-        fit=fit_sheet(report),
-        warnings=gp_warnings(report),
+        of=loop_sheets,
         pictures={key: (data_uri(f), _shown(report, key)) for key, f in drawn.items() if f is not None},
         settings=list(_settings(report.settings)),
     )
@@ -103,10 +83,10 @@ def _tints(colour: Mapping[str, str]) -> str:
 def terminal_tables(report: LoopReport) -> list[Table]:
     """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
     sheets = [
-        *(success_sheets(report) or return_sheets(report)),
-        one_step_sheet(report),
-        calibration_sheet(report),
-        rollout_sheet(report),
+        *(loop_sheets.success_sheets(report) or loop_sheets.return_sheets(report)),
+        loop_sheets.one_step_sheet(report),
+        loop_sheets.calibration_sheet(report),
+        loop_sheets.rollout_sheet(report),
     ]
     colour = colours(report.policies)
     return [terminal_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
@@ -116,7 +96,7 @@ def terminal_notes(report: LoopReport) -> list[str]:
     """What the tables do not say by themselves: on what was judged, why a layer is missing, what to be wary of."""
     found = (("judged_on", "judged on {}"), ("not_driven", "{}"), ("measured_on", "measured on {}"))
     said = [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
-    return [*said, *(f"warning: {text}" for text in gp_warnings(report))]
+    return [*said, *(f"warning: {text}" for text in loop_sheets.gp_warnings(report))]
 
 
 def _parts(sheet: Sheet) -> list[Sheet]:

@@ -14,19 +14,10 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import Channels
 from gpsim.planning import FIXED, Plan
-from gpsim.reports.canvas import (
-    FAINT,
-    LABEL,
-    OTHERS,
-    data_uri,
-    legend_above,
-    named,
-    page_of,
-    panels,
-    resource,
-    style,
-)
-from gpsim.reports.sheets import MISSING, Cell, percent, row, sheet, significant, unit
+from gpsim.reports.canvas import FAINT, OTHERS, data_uri, legend_above, named, panels, style
+from gpsim.reports.pages import page_of, resource, text_of
+from gpsim.reports.quantities import LABEL
+from gpsim.reports.sheets import percent, unit
 
 
 def plan_facts(plan: Plan) -> dict[str, Any]:
@@ -43,71 +34,24 @@ def plan_facts(plan: Plan) -> dict[str, Any]:
 
 
 def told(facts: Mapping[str, Any]) -> list[str]:
-    """What a person wants to know first."""
-    pairs, safety = facts["pairs"], facts["safety"]
-    lines = [
-        f"{facts['minutes']:.2g} minutes in {len(facts['pieces'])} pieces, one command every {facts['dt']:g} s."
-    ]
-    if facts["anew"]:
-        lines.append("Before each piece the machine is put back to rest by hand; each is an episode.")
-    if facts["dithers"]:
-        lines.append(
-            "A policy steers meanwhile: what is played is its command plus the plan's, within the limits."
-        )
-    if not pairs:
-        lines.append("There is one explanation: the plan is for its parameters.")
-    for pair in pairs:
-        who = f"{pair['first']} and {pair['second']}"
-        wanted = "; ".join(pair["sensors"]) or "a quantity of which they say something different"
-        others = ", ".join(f"{kind} {nats:.3g}" for kind, nats in pair["fixed"].items())
-        others += f", the old recording {pair['recorded']:.2g}"
-        lines.append(
-            f"{who} differ by {pair['a_minute']:.3g} nats a minute ({others})."
-            if pair["separated"]
-            else f"No command that was tried separates {who} ({pair['nats']:.2g} nats); measure {wanted}."
-        )
-    lines.append(
-        f"Of {safety['draws']} draws of all posteriors {safety['left']} left the box less {safety['margin']:.0%} at "
-        f"each side, or did not come back to rest: a chance of at most {percent(safety['most'])} (90 %)."
-    )
-    return lines
+    """What a person wants to know first, a line each."""
+    return text_of("plan.txt.jinja", percent=percent, **facts).splitlines()
 
 
 MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; } img { max-width: 100%; }
 """
-NOTE = (
-    "Nats are what the explanation that is not true loses in log likelihood after its parameters have moved to where "
-    "they mimic the true one best, as far as the first recording lets them; 2.3 nats are odds of ten. The noise is "
-    "that of the first recording. A fixed excitation is as large as is safe in each piece; of the old recording it is "
-    "the log odds that it gave."
-)
 
 
 def plan_page(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> str:
     """The page; equal plans give equal pages."""
-    pairs = (
-        row(
-            f"{p.first} / {p.second}",
-            Cell(significant(p.nats), marked=not p.separated),
-            significant(p.a_minute),
-            *(significant(p.fixed.get(kind)) for kind in FIXED),
-            significant(p.recorded),
-            "; ".join(p.sensors) or MISSING,
-        )
-        for p in plan.pairs
-    )
-    heads = ("pair", "nats in all", "a minute: plan", *FIXED, "the old recording", "sensor that would tell")
-    pieces = ((f"{i + 1}", p.kind, f"{p.begin:g}", f"{p.seconds:g}") for i, p in enumerate(plan.pieces))
     return page_of(
         "plan.html.jinja",
         resource("plain.css") + MORE,
         lines=told(plan_facts(plan)),
         picture=data_uri(plan_figure(plan, state, action, box)),
-        sheets=[
-            sheet("What it tells apart", heads, pairs, note=NOTE),
-            sheet("Pieces", ("piece", "grew from", "begins [s]", "lasts [s]"), pieces, labels=2),
-        ],
+        plan=plan,
+        fixed=FIXED,
     )
 
 

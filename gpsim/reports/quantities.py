@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gpsim.reports.sheets import MISSING, significant, unit
@@ -12,6 +13,8 @@ if TYPE_CHECKING:  # every figure needs this file, and few the diagnosis
 
 ELLIPSIS = "…"
 LONGEST = 28  # letters of a name in a figure
+MOST = 3  # names that are told of a list
+LABEL = 18  # beside an axis that is no longer than that
 SENTENCE = 60  # and in a sentence, which wraps
 
 MANY = 1e4  # odds beyond which nobody counts
@@ -137,3 +140,10 @@ def shortened(name: str, most: int = LONGEST) -> str:
 def spelled(name: str) -> str:
     """A name as a sentence shows it: whole, unless no line could hold it."""
     return shortened(name, SENTENCE)
+
+
+def listed(names: Sequence[str], most: int | None = MOST, word: str = "and") -> str:
+    """`a, b and c`; of a list longer than `most` the first ones and how many more there are."""
+    if most is not None and len(names) > most:
+        names = [*names[:most], f"{len(names) - most} more"]
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,10 @@ from gpsim.mjcf import MjcfSimulator, mujoco, rendered
 from gpsim.recordings import evenly
 from gpsim.reports.account_effects import TRIFLE, effect_name, told_effects
 from gpsim.reports.bodies import THICK, poses, shown_geoms, sticks
-from gpsim.reports.canvas import FAINT, GRID, INK, LABEL, legend_label, panels, png, style
+from gpsim.reports.canvas import FAINT, GRID, INK, legend_label, panels, png, style
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import WHOLE, noun
-from gpsim.reports.quantities import ELLIPSIS, percent, shortened
+from gpsim.reports.quantities import ELLIPSIS, LABEL, percent, shortened
 
 ROBOT = "robot"
 SCALE = LinearSegmentedColormap.from_list("share", ("#C9CFD6", "#F0B75A", "#D55E00", "#7F2704"))
@@ -35,16 +34,6 @@ AMBIENT = 0.6  # of the light: colours can be told apart in the shade, too
 DOTS = 200  # an inch of the rendered robot, and of the picture
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 NOWHERE = ""  # stands for the joint of what acts at none
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A model in a posture (MuJoCo's data), and from where: azimuth, elevation [degrees]; right, up, ahead (3, 3)."""
-
-    data: Any
-    azimuth: float
-    elevation: float
-    axes: FloatArray
 
 
 def robot_figure(diagnosis: Diagnosis, simulator: MjcfSimulator, states: FloatArray) -> Picture | None:
@@ -150,8 +139,11 @@ def _joint(simulator: MjcfSimulator, place: str) -> str:
     return NOWHERE
 
 
-def _seen(simulator: MjcfSimulator, states: FloatArray) -> Seen:
-    """The posture and the view in which joints and bodies lie furthest apart, along the joints' axes if possible."""
+def _seen(simulator: MjcfSimulator, states: FloatArray) -> tuple[Any, float, float, FloatArray]:
+    """The posture and the view in which joints and bodies lie furthest apart, along the joints' axes if possible.
+
+    Returns MuJoCo's data, azimuth and elevation [degrees], and the directions right, up and ahead (3, 3).
+    """
     mj, model, joints = mujoco(), simulator.body.base, [*_joints(simulator).values()]
     qpos, _ = simulator.layout.full(np.nan_to_num(states[evenly(len(states), POSTURES)]))
     at, best = poses(model, qpos), (-1.0, 0, 0.0, 0.0, np.eye(3))
@@ -168,7 +160,7 @@ def _seen(simulator: MjcfSimulator, states: FloatArray) -> Seen:
     data = mj.MjData(model)
     data.qpos[:] = qpos[best[1]]
     mj.mj_kinematics(model, data)
-    return Seen(data, *best[2:])
+    return data, *best[2:]
 
 
 def _draw_robot(
@@ -178,8 +170,9 @@ def _draw_robot(
 
     levels: of every joint how far along the scale its colour is.
     """
-    seen, model, joints = _seen(simulator, states), copy.copy(simulator.body.base), _joints(simulator)
-    data, geoms = seen.data, shown_geoms(model)
+    data, azimuth, elevation, axes = _seen(simulator, states)
+    model, joints = copy.copy(simulator.body.base), _joints(simulator)
+    geoms = shown_geoms(model)
     skeleton, bare = sticks(model, ()), sticks(model, set(model.geom_bodyid[geoms].tolist()))
 
     def ends(rods: Sequence[tuple[int, FloatArray, FloatArray]]) -> FloatArray:
@@ -192,14 +185,14 @@ def _draw_robot(
     corners += data.geom_xpos[geoms][:, None]
     anchors = data.xanchor[[*joints.values()]]
     around = [ends(skeleton).reshape(-1, 3), corners.reshape(-1, 3), anchors]
-    every = np.concatenate(around) @ seen.axes.T
+    every = np.concatenate(around) @ axes.T
     low, up = every.min(axis=0), every.max(axis=0)
     room, middle = np.array([BESIDE - 0.75, high - BELOW]), (low + up) / 2
     scale = float((0.85 * room / np.maximum(up - low, 1e-6)[:2]).min())  # inches a metre
 
     def flat(points: FloatArray) -> FloatArray:
         """(..., 2) inches of points (..., 3) m."""
-        return np.asarray((points @ seen.axes.T - middle)[..., :2] * scale + room / 2 + (0.0, BELOW))
+        return np.asarray((points @ axes.T - middle)[..., :2] * scale + room / 2 + (0.0, BELOW))
 
     level = np.zeros(model.nbody)
     for name, j in joints.items():
@@ -211,7 +204,7 @@ def _draw_robot(
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = AMBIENT, 1.0 - AMBIENT
     model.stat.extent = float(np.linalg.norm(up - low))
     model.vis.global_.orthographic, model.vis.global_.fovy = 1, room[1] / scale
-    camera = [*(middle @ seen.axes), 2.0 * model.stat.extent, seen.azimuth, seen.elevation]
+    camera = [*(middle @ axes), 2.0 * model.stat.extent, azimuth, elevation]
     thick = THICK / 2 * max((float(np.linalg.norm(b - a)) for a, b in ends(bare)), default=0.0)
     rods = [[*a, *b, thick, *tints[body]] for (body, *_), (a, b) in zip(bare, ends(bare), strict=True)]
     image = rendered(model, data.qpos, camera, rods, (int(room[0] * DOTS), int(room[1] * DOTS)))

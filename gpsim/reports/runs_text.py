@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
+from gpsim.reports.pages import text_of
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, sheet, significant
 from gpsim.runs import (
     ABSENT,
@@ -196,42 +197,21 @@ def beside_lines(beside: Iterable[Beside]) -> list[str]:
 
 def shown_lines(shown: Shown, whole: bool = False) -> list[str]:
     """One artifact; whole: with all settings, files and package versions."""
-    artifact = shown.artifact
-    took = f" in {artifact.seconds:.3g} s" if artifact.seconds is not None else ""
-    size = f"{_count(len(shown.files), 'file')}, {bytes_text(artifact.bytes)}"
-    lines = [
-        f"{artifact.name}: {artifact.state}{f', {artifact.says}' if artifact.says else ''}",
-        *([f"  broken: {artifact.damage}"] if artifact.damage else []),
-        *(f"  stale: {phrase(difference)}" for difference in artifact.why),
-        f"  made {_made(artifact)}{took}, {size}",
-        f"  seeds {json.dumps(artifact.seeds)}, commit {shown.commit or 'unknown'}",
-        f"  sha256 {shown.sha256 or 'unknown'}",
-    ]
-    for parent in shown.parents:
-        where = parent.name or f"gone ({parent.stage} {str(parent.sha256)[:12]})"
-        lines.append(f"  made from {parent.role}: {where}")
-    lines += [f"  needed by {name}" for name in shown.children]
-    if shown.dependents > len(shown.children):
-        lines.append(f"  needed by {shown.dependents} in all, at any distance")
-    figures = [
-        f"  {name} = {f'{value:.6g}' if isinstance(value, float) else value}"
-        for name, value in shown.figures.items()
-    ]
-    if not whole:
-        left = len(figures) - FIGURES
-        more = [f"  and {_count(left, 'figure')} more: --all"] if left > 0 else []
-        return [*lines, *figures[:FIGURES], *more]
-    config = json.dumps(shown.config, indent=2).splitlines()
-    return [
-        *lines,
-        *figures,
-        "  configuration:",
-        *(f"    {line}" for line in config),
-        "  packages:",
-        *(f"    {name} {version}" for name, version in shown.packages.items()),
-        "  files:",
-        *(f"    {name}, {bytes_text(size)}" for name, size in shown.files.items()),
-    ]
+    a = shown.artifact
+    return text_of(
+        "show.txt.jinja",
+        shown=shown,
+        a=a,
+        whole=whole,
+        made=_made(a),
+        seeds=json.dumps(a.seeds),
+        config=json.dumps(shown.config, indent=2),
+        size=f"{_count(len(shown.files), 'file')}, {bytes_text(a.bytes)}",
+        most=None if whole else FIGURES,
+        left=_count(len(shown.figures) - FIGURES, "figure"),
+        phrase=phrase,
+        bytes_text=bytes_text,
+    ).splitlines()
 
 
 def compared_lines(found: Compared) -> list[str]:

@@ -1,20 +1,15 @@
-"""What only a statistician asks: every decision of the search, every interval, odds, p-values, and scores."""
+"""What only a statistician asks, in lines: every decision of the search, and the errors of a score."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 
-from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.run import Decision
-from gpsim.findings import Score, Share
-from gpsim.reports.account_effects import effect_name
-from gpsim.reports.diagnosis_text import terms_text
-from gpsim.reports.quantities import MANY, number, odds_text, percent, share_text
-from gpsim.reports.sheets import MISSING, Sheet, sheet
+from gpsim.findings import Score
+from gpsim.reports.quantities import number
+from gpsim.reports.sheets import MISSING
 
 RULE = 29  # columns that a rule's name is given
-GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
-EFFECTS = ("effect", "role", "share", "needed", "of its residual", "evidence, nats", "odds", "against")
 SCORES = ("", "unit", "base", "+ effects", "+ GP", "of the base's (90 %)")
 
 
@@ -42,78 +37,6 @@ def difference(candidate: Sequence[str], over: Sequence[str]) -> str:
     both = [term for term in candidate if term in over]
     changed = " ".join([*more, *less]) or "the same terms"
     return f"{changed} (beside {', '.join(both)})" if both else changed
-
-
-def effects_sheet(diagnosis: Diagnosis) -> Sheet:
-    """Every effect of the explanation, of a part that is not told, too."""
-    rows = (
-        (
-            effect_name(effect),
-            effect.role,
-            MISSING if effect.importance is None else share_text(effect.importance),
-            MISSING if effect.needed is None else share_text(effect.needed),
-            f"{percent(effect.explains)} %",
-            f"{effect.evidence_gain:.0f}",
-            odds_text(effect.odds),
-            MISSING if effect.odds is None else terms_text(effect.odds.against),
-        )
-        for effect in diagnosis.effects
-    )
-    note = (
-        "Share: of the mismatch in rollouts (Shapley). Needed: what the account explains less without it, all others "
-        f"fitted anew. Odds beyond {MANY:.0e} are not counted. All with 90 % intervals."
-    )
-    return sheet("Effects", EFFECTS, rows, labels=2, note=note)
-
-
-def parameters_sheet(diagnosis: Diagnosis) -> Sheet:
-    """Every parameter with its interval."""
-    rows = (
-        (
-            effect_name(effect),
-            name,
-            f"{p.value:.4g}",
-            *(MISSING if edge is None else f"{edge:.4g}" for edge in (p.low, p.high)),
-            p.unit,
-            "at the bound of the search" if p.at_bound else "",
-        )
-        for effect in diagnosis.effects
-        for name, p in effect.parameters.items()
-    )
-    columns = ("effect", "parameter", "value", "from", "to", "unit", "")
-    return sheet("Parameters, 90 % intervals", columns, rows, labels=2)
-
-
-def statistics(diagnosis: Diagnosis) -> list[str]:
-    """Sentences, each with its number."""
-    return list(_said(diagnosis))
-
-
-def _said(diagnosis: Diagnosis) -> Iterator[str]:
-    def shares(of: Mapping[str, Share]) -> str:
-        return "; ".join(f"{name} {share_text(share)}" for name, share in of.items())
-
-    found, remainder = diagnosis.explained, diagnosis.remainder
-    if diagnosis.effects:
-        chance = f"{diagnosis.effects[0].probability:.3g}"
-        yield f"Probability of the explanation among all that were fitted and not refused: {chance}."
-    if found.rollout is not None:
-        every = shares({"all": found.rollout, **found.channels})
-        yield f"Explained in rollouts, judged on {found.judged_on}: {every}."
-    if found.one_step:
-        yield f"Explained one step ahead, which decides nothing: {shares(found.one_step)}."
-    yield f"What is left: p = {number(remainder.p_value, 2)} that noise alone looks like it."
-    if remainder.gp is not None and not remainder.gp.used and diagnosis.verdict != "none":
-        yield f"No Gaussian process on what is left: {remainder.gp.why_not}."
-    for name, errors in diagnosis.fit.one_step.items():
-        usual = errors.typical
-        if usual is not None and errors.after > GLITCHES * usual.after:
-            often = f"{number(usual.before)} before and {number(usual.after)} after"
-            yield f"In {name} rare glitches dominate: typically {often} {errors.unit}."
-    if diagnosis.tuned:
-        ratios = ", ".join(f"{name} {ratio:.4g} times" for name, ratio in diagnosis.tuned.items())
-        yield f"Tuning the simulator's own parameters alone: {ratios}."
-    yield f"Integration of the explanation: {diagnosis.integration}."
 
 
 def score_lines(score: Score) -> list[str]:

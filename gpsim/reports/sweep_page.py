@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gpsim.reports.canvas import colours, data_uri, page_of, panels, resource, style
-from gpsim.reports.sheets import Cell, Sheet, row, sheet, significant
+from gpsim.reports.canvas import colours, data_uri, panels, style
+from gpsim.reports.pages import page_of, resource
+from gpsim.reports.sheets import significant
 
 SEED = "seed"
 MAIN = (
@@ -34,6 +35,7 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
     """The page; table: a row a point, as stages/full_loop.py makes it. Equal tables give equal pages."""
     shown, over = main_figures(swept, table), _axis(swept, table)
     figure = None if over is None else _picture(over, shown, table)
+    numbers = [name for name in shown if _numeric(table, name)]
     return page_of(
         "sweep.html.jinja",
         resource("plain.css") + "img { max-width: 100%; } td { white-space: nowrap; }\n",
@@ -43,7 +45,12 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
         missing=int(table["error"].notna().sum()),
         over=over,
         picture=None if figure is None else data_uri(figure),
-        sheets=[_over_seeds(swept, shown, table), _points(swept, shown, table)],
+        heads={name: _heading(name) for name in shown},
+        number_heads=list(map(_heading, numbers)),
+        seeds=_over_seeds(swept, numbers, table),
+        records=table.head(MOST_ROWS).fillna({"error": ""}).to_dict("records"),
+        most=MOST_ROWS,
+        text=_text,
     )
 
 
@@ -119,19 +126,14 @@ def _heading(name: str) -> str:
     return f"{kind.replace('_', ' ')} {line}".strip()
 
 
-def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
+def _over_seeds(swept: Sequence[str], numbers: Sequence[str], table: pd.DataFrame) -> list[list[str]]:
     """Mean and spread over the seeds of each other combination; no rows where no seeds are swept."""
     others = [name for name in swept if name != SEED]
-    numbers = [name for name in shown if _numeric(table, name)]
-    columns = (*others, "seeds", *map(_heading, numbers))
-    if SEED not in swept or not numbers:
-        return Sheet("Over seeds", columns, ())
     rows = []
     for key, group in table.groupby(others, sort=False, dropna=False) if others else [((), table)]:
-        values = key if isinstance(key, tuple) else (key,)
         count = str(int(group["error"].isna().sum()))
-        rows.append([*map(str, values), count, *(_spread(group[name].dropna()) for name in numbers)])
-    return sheet("Over seeds: mean ± standard deviation", columns, rows, labels=len(others) + 1)
+        rows.append([*map(str, key), count, *(_spread(group[name].dropna()) for name in numbers)])
+    return rows if SEED in swept and numbers else []
 
 
 def _spread(values: Any) -> str:
@@ -139,21 +141,6 @@ def _spread(values: Any) -> str:
     if len(values) == 0 or values.nunique() == 1:
         return _text(values.iloc[0] if len(values) else None)
     return f"{significant(float(values.mean()))} ± {significant(float(values.std()))}"
-
-
-def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
-    failed = ["error"] if table["error"].notna().any() else []
-    rows = (
-        row(
-            *(str(record[name]) for name in swept),
-            *(_text(record[name]) for name in shown),
-            *(Cell("" if pd.isna(record[e]) else str(record[e]), marked=True) for e in failed),
-        )
-        for record in table.head(MOST_ROWS).to_dict("records")
-    )
-    note = f"The first {MOST_ROWS} points; all are in sweep.csv." if len(table) > MOST_ROWS else ""
-    heads = (*swept, *map(_heading, shown), *failed)
-    return sheet("Every point", heads, rows, labels=len(swept), note=note)
 
 
 def _text(value: Any) -> str:

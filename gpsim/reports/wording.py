@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.effects import FAMILIES
-from gpsim.findings import Claims, Combination, Discrimination, Estimate, NamedEffect, NoGp, Remainder, Shape
+from gpsim.findings import Claims, Discrimination, Estimate, NamedEffect, NoGp, Shape
 from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text, with_sentences
 
@@ -37,16 +37,19 @@ NO_GP = {
 
 def worded(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis with every sentence that diagnosis.json holds; those that it has already stay as they are."""
-    advice = diagnosis.discrimination
+    advice, gp = diagnosis.discrimination, diagnosis.remainder.gp
+    if gp is not None and gp.refused is not None and not gp.why_not:
+        gp = replace(gp, why_not=no_gp_text(gp.refused))
     return replace(
         diagnosis,
         effects=_with_sentences(diagnosis.effects),
-        alternatives=tuple(
-            replace(rival, effects=_with_sentences(rival.effects)) for rival in diagnosis.alternatives
-        ),
+        alternatives=tuple(replace(a, effects=_with_sentences(a.effects)) for a in diagnosis.alternatives),
         tell_apart=tell_apart_text(advice) if advice and not diagnosis.tell_apart else diagnosis.tell_apart,
-        remainder=_with_reason(diagnosis.remainder),
-        combinations=tuple(_with_directions(combination) for combination in diagnosis.combinations),
+        remainder=replace(diagnosis.remainder, gp=gp),
+        combinations=tuple(
+            replace(c, fixed=c.fixed or fixed_text(c), open=c.open or open_text(c))
+            for c in diagnosis.combinations
+        ),
         log_facts=diagnosis.log_facts or tuple(log_fact_text(fact) for fact in diagnosis.facts),
         kinematics=with_sentences(diagnosis.kinematics),
     )
@@ -61,18 +64,6 @@ def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
         )
         for e in effects
     )
-
-
-def _with_directions(combination: Combination) -> Combination:
-    fixed, open_ = combination.fixed or fixed_text(combination), combination.open or open_text(combination)
-    return replace(combination, fixed=fixed, open=open_)
-
-
-def _with_reason(remainder: Remainder) -> Remainder:
-    gp = remainder.gp
-    if gp is None or gp.refused is None or gp.why_not:
-        return remainder
-    return replace(remainder, gp=replace(gp, why_not=no_gp_text(gp.refused)))
 
 
 def effect_sentence(effect: NamedEffect) -> str:

@@ -112,21 +112,13 @@ def check_varies(recording: Recording) -> None:
         column = int(constant[0])
         first, last = recording.episodes[0].name, recording.episodes[-1].name
         value = f"{rows[0, column] + 0.0:g}" if len(rows) else "absent"
+        more = "; a part that is held still on purpose needs a simulator without it (--simulator FILE.py:ClassName)"
+        if column >= len(recording.state):
+            more = ": a command that never changes teaches nothing"
         raise UsageError(
             f"channel {channels[column]} is constant ({value}) from episode {first}, row 0 to episode {last}, "
-            f"row {len(recording.episodes[-1])}: {_remedy(recording, column)}"
+            f"row {len(recording.episodes[-1])}: check the sensor, or record data in which it moves{more}"
         )
-
-
-def _remedy(recording: Recording, column: int) -> str:
-    if column >= len(recording.state):
-        return (
-            "check the sensor, or record data in which it moves: a command that never changes teaches nothing"
-        )
-    return (
-        "check the sensor, or record data in which it moves; a part that is held still on purpose needs a simulator "
-        "without it (--simulator FILE.py:ClassName)"
-    )
 
 
 def read_table(path: Path, simulator: Simulator) -> Recording:
@@ -143,17 +135,17 @@ def table_recording(
 
 def _described(simulator: Simulator) -> Described:
     """Its channels, of which those may be absent that a diagnosis can estimate."""
+    velocities = sorted(simulator.velocities) if simulator.guesses_speeds else ()
+    own = (
+        *simulator.start,
+        *velocities,
+    )  # of a system of one's own: those with a guess, velocities of a MuJoCo model
     return Described(
         simulator.name,
         simulator.state,
         simulator.action,
         simulator.defaults(),
-        simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
+        simulator.state.names if simulator.name in SIMULATORS else own,
         simulator.integrator,
         simulator.stand_ins,
     )
-
-
-def _optional(simulator: Simulator) -> tuple[str, ...]:
-    """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
-    return (*simulator.start, *(sorted(simulator.velocities) if simulator.guesses_speeds else ()))

@@ -20,8 +20,7 @@ from gpsim.evaluation import BETS, Monitor
 from gpsim.files import Json, disk_errors, write_json, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
-from gpsim.policies.export import to_onnx
-from gpsim.policies.ros_node import ros_node
+from gpsim.policies.export import ros_node, to_onnx
 from gpsim.recordings import Predictions, Recording, read_recording, write_mcap, write_table
 from gpsim.reports.account import account_of
 from gpsim.reports.bodies import body_of

@@ -16,7 +16,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.reports.gp_figures import residual_slices
+from gpsim.reports.loop_figures import residual_slices
 from gpsim.reports.loop_page import render
 from gpsim.reports.loop_report import LoopReport, MadeBy, TripReport
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy

@@ -6,7 +6,7 @@ import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_location
 
 from gpsim.findings import Concentration, StepErrors
-from gpsim.reports.diagnosis_text import _between, _moment, _part, where
+from gpsim.reports.diagnosis_text import _between, _moment, where
 from gpsim.reports.quantities import in_percent
 
 
@@ -74,4 +74,4 @@ def test_shares_are_told_without_exponents(share, said):
 )
 def test_where_a_mismatch_is_concentrated_is_told_in_words(channel, interval, said):
     part = Concentration("q_acc", channel, "inside", interval, share_of_mismatch=0.95, share_of_samples=0.2)
-    assert said in _part(made_diagnosis(location=made_location(concentrated=part)))
+    assert said in where(made_diagnosis(verdict="partial", location=made_location(concentrated=part)))

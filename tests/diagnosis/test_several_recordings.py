@@ -18,7 +18,7 @@ from gpsim.diagnosis.setup import prepare
 from gpsim.effects import EffectParameter, Term, own_values
 from gpsim.errors import UsageError
 from gpsim.recordings import HeldOut, apart, joined
-from gpsim.reports.account import account_of, differences, recordings_sheet
+from gpsim.reports.account import account_of, differences
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.diagnosis_page import page
 from gpsim.residuals import first_held_out, held_out_names
@@ -98,9 +98,6 @@ def test_the_account_keeps_its_place_and_has_a_column_a_recording(found):
     lines = account_lines(account_of(found.result))
     assert len(lines) <= 24
     assert any(line.startswith("Differs") for line in lines)
-    sheet = recordings_sheet(found.result)
-    assert sheet.columns == ("", "monday", "friday")
-    assert all(len(cells) == 3 for cells in sheet.rows)
 
 
 def test_the_corrected_simulator_is_the_machine_of_the_last_recording(found):
@@ -144,7 +141,6 @@ def test_one_recording_has_no_columns(days):
     assert found.result.recordings is None
     assert "recordings" not in found.result.to_dict()
     assert not any("own" in effect or "recordings" in effect for effect in found.result.to_dict()["effects"])
-    assert not recordings_sheet(found.result).rows
     assert "Recordings" not in page(found.result, {}, "one")
 
 

@@ -98,12 +98,6 @@ def test_noise_that_the_recording_lacks_is_usual():
     assert (watched(monitor, noisy, np.zeros((50, 499, 1))) == NEVER).all()
 
 
-def test_a_recording_without_two_samples_in_a_row_says_nothing():
-    lonely = Episode("0", np.array([0.0, 1.0]), np.zeros((2, 2)), np.zeros((1, 1)))
-    with pytest.raises(UsageError, match="no two samples in a row"):
-        usual_errors(PLANT, [lonely], SLIDER.state, np.zeros(2), MonitorSettings(), np.random.default_rng(0))
-
-
 def balanced(observations):
     """A hand-made policy that keeps the pole up where nothing rubs."""
     x, x_dot, theta, theta_dot = observations.T
@@ -142,17 +136,6 @@ def test_a_concealed_change_is_stopped_before_the_limit_and_no_change_is_not():
     )
     assert (on.steps >= on.stopped).all()
     assert (on.left > on.stopped).all()  # one push in one direction for ever is no good policy
-
-
-def test_a_drive_without_end_goes_on_from_a_new_start():
-    rng = np.random.default_rng(4)
-    limits = Limits.of({}, CARTPOLE.state)
-    always = lambda observations: np.ones(len(observations), int)  # noqa: E731  # falls within a second
-    found = drive(
-        pole(), Balance(), always, cart_monitor(rng), limits, count=3, steps=120, endless=True, rng=rng
-    )
-    assert (found.steps == 120).all()
-    assert (found.stopped == NEVER).all()
 
 
 def found_friction(folder):
@@ -226,18 +209,3 @@ def test_settings_with_which_nothing_can_be_deployed_are_one_line(word, said):
     with pytest.raises(UsageError) as refused:
         safety.check(Request(resolve([word], None), (word,)))
     assert str(refused.value).startswith(said)
-
-
-@pytest.mark.parametrize("experiment", ["cartpole", "limo", "mujoco"])
-def test_every_experiment_has_a_change_that_can_be_concealed(experiment):
-    words = (f"experiment={experiment}",)
-    asked = Request(resolve(list(words), None), words)
-    safety.check(asked)
-    changed = safety.changed_target(asked)
-    assert changed.state.names == ChangingPlant(changed, changed, 1).state.names
-    assert changed != safety.target_plant(asked.config)
-
-
-def test_a_log_that_is_not_there_is_one_line(tmp_path):
-    with pytest.raises(UsageError, match="no such log"):
-        evaluate_deployed.replay(Request(resolve([], None)), [tmp_path / "no.bag"])

@@ -63,10 +63,3 @@ def test_a_recorded_angle_that_leaps_by_a_turn_runs_on(wraps):
     paths = replay(PLANT, found, np.random.default_rng(0))
     rms = compare(paths, found.recorded, either_wraps(PENDULUM.state, state))["rms"]
     assert max(rms.values()) < 1e-6
-
-
-def test_either_wraps_takes_the_names_of_both():
-    ours = Channels.of({"x": "m", "yaw": "rad", "theta": "rad"}, wraps=("yaw",))
-    found = either_wraps(ours, Channels.of({"theta": "rad", "other": "rad"}, wraps=("theta", "other")))
-    assert found.units == ours.units
-    assert found.wraps.tolist() == [False, True, True]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 
-from gpsim.gp import FitSettings, HyperParameters, Predictor, TooManyRowsError, TrainingData, fit
+from gpsim.gp import FitSettings, HyperParameters, Predictor, TooManyRowsError, fit
 
 QUICK = FitSettings(restarts=1)
 
@@ -48,15 +46,6 @@ def test_more_distinct_rows_than_an_exact_fit_takes_are_refused(monkeypatch: pyt
     assert fit(inputs, targets, QUICK, rng).data.counts.size == 20
 
 
-def test_a_single_row_predicts_its_target_and_warns() -> None:
-    process = fit([[1.0, 2.0]], [5.0], QUICK, np.random.default_rng(0))
-    means, variances = Predictor([process]).mean_and_variance([[1.0, 2.0], [3.0, 2.0]])
-    assert means[0, 0] == pytest.approx(5.0, abs=1e-6)
-    assert np.all(np.isfinite(variances))
-    assert process.report is not None
-    assert any("cannot determine" in text for text in process.report.warnings)
-
-
 def test_a_constant_column_is_harmless_and_named() -> None:
     rng = np.random.default_rng(1)
     inputs = np.column_stack([rng.normal(size=40), np.full(40, 0.1)])
@@ -77,41 +66,6 @@ def test_constant_targets_are_predicted_and_named() -> None:
     np.testing.assert_allclose(Predictor([process]).mean(inputs), -3.3, atol=1e-9)
     assert process.report is not None
     assert any("targets are constant (-3.3)" in text for text in process.report.warnings)
-
-
-@pytest.mark.parametrize("average", [True, False])
-def test_all_rows_the_same_average_to_their_mean(average: bool) -> None:
-    rng = np.random.default_rng(3)
-    targets = 2.0 + rng.normal(size=30)
-    settings = FitSettings(restarts=1, average_replicates=average)
-    process = fit(np.ones((30, 2)), targets, settings, rng)
-    assert Predictor([process]).mean([[1.0, 1.0]])[0, 0] == pytest.approx(targets.mean(), abs=0.05)
-    # 29 contrasts estimate the noise: its standard error is 13 %.
-    assert process.hyper_parameters_original.noise_std == pytest.approx(targets.std(), rel=0.1)
-
-
-def test_replicates_keep_their_order_and_their_scatter() -> None:
-    inputs = np.array([[2.0, 0.0], [1.0, -0.0], [2.0, -0.0], [1.0, 0.0], [3.0, 1.0]])
-    data = TrainingData.of(inputs, np.array([1.0, 5.0, 3.0, 5.0, 7.0]), True)
-    np.testing.assert_array_equal(data.inputs[:, 0], [2.0, 1.0, 3.0])
-    np.testing.assert_array_equal(data.targets, [2.0, 5.0, 7.0])
-    np.testing.assert_array_equal(data.counts, [2.0, 2.0, 1.0])
-    assert data.scatter == 2.0
-    assert data.rows == 5
-
-
-def test_hyper_parameters_go_through_vector_and_dict() -> None:
-    hyper = HyperParameters(1.5, np.array([0.1, 2.0]), np.array([0.3, 0.4]), 0.5, 0.6)
-    np.testing.assert_array_equal(
-        HyperParameters.from_vector(hyper.to_vector()).to_vector(), hyper.to_vector()
-    )
-    assert json.loads(json.dumps(hyper.to_dict()))["lengthscales"] == [0.1, 2.0]
-    np.testing.assert_allclose(
-        HyperParameters.from_log_vector(hyper.to_log_vector()).to_vector(), hyper.to_vector()
-    )
-    assert hyper.names()[1:3] == ("lengthscales[0]", "lengthscales[1]")
-    with pytest.raises(ValueError, match="read-only"):
-        hyper.lengthscales[0] = 1.0
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import json
-
 import numpy as np
 import pytest
 
@@ -14,12 +11,10 @@ from gpsim.gp import (
     FitSettings,
     GaussianProcess,
     HyperParameters,
-    Interval,
     Predictor,
     covariance,
     fit,
     fit_outputs,
-    log_marginal_likelihood,
     to_arrays,
 )
 from gpsim.gp.exact import Likelihood
@@ -59,26 +54,6 @@ def test_known_hyper_parameters_are_recovered_within_four_errors(seed: int) -> N
     assert process.report.converged
 
 
-def test_the_fit_climbs_and_reports_what_it_reached() -> None:
-    rng = np.random.default_rng(1)
-    inputs = rng.normal(size=(60, 2))
-    targets = 40.0 + 5.0 * np.sin(2.0 * inputs[:, 0]) + rng.normal(size=60)
-    process = fit(inputs, targets, FitSettings(), rng)
-    report = process.report
-    assert report is not None
-    assert report.log_marginal_likelihood > report.initial_log_marginal_likelihood
-    assert report.log_marginal_likelihood >= max(report.start_likelihoods) - 1e-9
-    assert len(report.start_likelihoods) == 2
-    assert report.evaluations > report.iterations > 0
-    assert report.log_marginal_likelihood == log_marginal_likelihood(process.data, process.hyper_parameters)
-    # The density of the raw targets: volume shrinks by the scale, once per row.
-    shift = 60 * np.log(process.standardisation.target_scale)
-    assert report.log_marginal_likelihood_original == pytest.approx(report.log_marginal_likelihood - shift)
-    gradient = Likelihood(process.data)(process.hyper_parameters.to_log_vector())[1]
-    assert np.abs(gradient).max() < 1.0
-    json.dumps(report.to_dict(), allow_nan=False)
-
-
 def test_an_iteration_limit_is_an_outcome_with_advice() -> None:
     rng = np.random.default_rng(2)
     inputs = rng.normal(size=(50, 2))
@@ -88,18 +63,6 @@ def test_an_iteration_limit_is_an_outcome_with_advice() -> None:
     assert report.outcome is FitOutcome.ITERATION_LIMIT
     assert not report.converged
     assert any("max_iterations" in text for text in report.warnings)
-
-
-def test_restarts_leave_a_poor_optimum() -> None:
-    """A function that jumps: from one start the noise takes it all, structure explains far more."""
-    rng = np.random.default_rng(0)
-    inputs = rng.uniform(-1.0, 1.0, (120, 3))
-    targets = np.sin(8.0 * inputs[:, 0]) * np.cos(5.0 * inputs[:, 1])
-    poor = fit(inputs, targets, ONE_START, np.random.default_rng(0)).report
-    good = fit(inputs, targets, FitSettings(), np.random.default_rng(0)).report
-    assert poor is not None
-    assert good is not None
-    assert good.log_marginal_likelihood > poor.log_marginal_likelihood + 20.0
 
 
 def test_a_jump_along_one_input_is_found() -> None:
@@ -127,16 +90,6 @@ def test_noise_free_data_reach_the_noise_floor_and_the_report_says_so() -> None:
     assert all(item.harmless and str(item) not in report.warnings for item in notes)
 
 
-def test_a_users_noise_floor_is_obeyed() -> None:
-    rng = np.random.default_rng(4)
-    inputs = rng.uniform(-2.0, 2.0, (40, 1))
-    settings = FitSettings(bounds=Bounds(noise_std=Interval(0.05, 1.0)))
-    process = fit(inputs, np.sin(inputs[:, 0]), settings, rng)
-    assert process.hyper_parameters.noise_std == pytest.approx(0.05)
-    with pytest.raises(ValueError, match="noise_std"):
-        Bounds(noise_std=Interval(1.0, 0.5))
-
-
 def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
     rng = np.random.default_rng(5)
     inputs = rng.normal(size=(60, 3))
@@ -152,41 +105,6 @@ def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
     new = rng.normal(size=(5, 3))
     expected = Predictor([plain]).mean(new) * 4.0
     np.testing.assert_allclose(Predictor([scaled]).mean(new * factor), expected, rtol=1e-12)
-
-
-def test_far_away_units_change_nothing() -> None:
-    """Kelvin instead of Celsius, millimetres instead of metres."""
-    rng = np.random.default_rng(6)
-    inputs = rng.normal(size=(60, 2))
-    targets = np.sin(inputs[:, 0]) + 0.1 * rng.normal(size=60)
-    new = rng.normal(size=(5, 2))
-    plain = Predictor([fit(inputs, targets, ONE_START, rng)])
-    moved = Predictor([fit(1000.0 * inputs + 273.15, targets - 50.0, ONE_START, rng)])
-    a, b = plain.mean_and_variance(new), moved.mean_and_variance(1000.0 * new + 273.15)
-    np.testing.assert_allclose(a[0], b[0] + 50.0, atol=1e-3)
-    np.testing.assert_allclose(a[1], b[1], rtol=0.01)
-
-
-def test_replicates_averaged_equal_replicates_kept() -> None:
-    """The sweep of a robot: few distinct inputs, many repeats; same hyper-parameters, same predictions."""
-    rng = np.random.default_rng(7)
-    distinct = rng.uniform(-1.0, 1.0, (20, 2))
-    inputs = distinct[rng.permutation(np.repeat(np.arange(20), rng.integers(1, 12, 20)))]
-    targets = np.sin(2.0 * inputs[:, 0]) + 0.2 * rng.normal(size=len(inputs))
-    averaged = fit(inputs, targets, FitSettings(), np.random.default_rng(0))
-    kept = fit(inputs, targets, FitSettings(average_replicates=False), np.random.default_rng(0))
-    assert averaged.report is not None
-    assert kept.report is not None
-    assert averaged.report.distinct_rows == 20
-    assert averaged.report.rows == kept.report.rows == kept.report.distinct_rows == len(inputs)
-    assert averaged.report.log_marginal_likelihood == pytest.approx(
-        kept.report.log_marginal_likelihood, abs=0.05
-    )
-    # Same hyper-parameters: the posterior is the same to rounding.
-    same = dataclasses.replace(kept, hyper_parameters=averaged.hyper_parameters)
-    assert log_marginal_likelihood(same.data, same.hyper_parameters) == pytest.approx(
-        averaged.report.log_marginal_likelihood, rel=1e-9
-    )
 
 
 def test_same_data_and_seed_give_the_same_bytes() -> None:

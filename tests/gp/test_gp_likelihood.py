@@ -7,23 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
 from gpsim.gp import (
     JITTER,
     HyperParameters,
     NotPositiveDefiniteError,
     Predictor,
-    Standardisation,
     TrainingData,
     condition,
     covariance,
     log_marginal_likelihood,
 )
 from gpsim.gp.exact import DROWNED, Likelihood
-
-IDENTITY_2 = Standardisation(np.zeros(2), np.ones(2), 0.0, 1.0)
 
 
 def dense_covariance(a: np.ndarray, b: np.ndarray, hyper: HyperParameters) -> np.ndarray:
@@ -101,25 +96,6 @@ def test_covariance_is_the_formula_of_the_thesis() -> None:
     np.testing.assert_allclose(covariance(a, b, hyper), dense_covariance(a, b, hyper), rtol=1e-12)
 
 
-def test_rbf_part_agrees_with_scikit_learn() -> None:
-    """Another library's likelihood, gradient (shared directions) and posterior; linear term switched off."""
-    rng = np.random.default_rng(3)
-    inputs, targets, new = rng.normal(size=(40, 2)), rng.normal(size=40), rng.normal(size=(9, 2))
-    hyper = HyperParameters(1.3, np.array([0.7, 2.0]), np.zeros(2), 0.4, 0.3)
-    kernel = ConstantKernel(1.3**2) * RBF([0.7, 2.0]) + ConstantKernel(0.4**2)
-    oracle = GaussianProcessRegressor(kernel, alpha=0.3**2 + JITTER, optimizer=None).fit(inputs, targets)
-    data = TrainingData.of(inputs, targets, True)
-    assert log_marginal_likelihood(data, hyper) == pytest.approx(
-        oracle.log_marginal_likelihood_value_, rel=1e-10
-    )
-    means, variances = Predictor(
-        [condition(inputs, targets, hyper, standardisation=IDENTITY_2)]
-    ).mean_and_variance(new)
-    expected_mean, expected_std = oracle.predict(new, return_std=True)
-    np.testing.assert_allclose(means[:, 0], expected_mean, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(variances[:, 0], expected_std**2, rtol=1e-8, atol=1e-10)
-
-
 @given(seed=st.integers(0, 2**32 - 1), rows=st.integers(1, 20), dimension=st.integers(1, 4))
 @settings(max_examples=40, deadline=None)
 def test_posterior_is_the_conditional_normal(seed: int, rows: int, dimension: int) -> None:
@@ -142,33 +118,6 @@ def test_posterior_is_the_conditional_normal(seed: int, rows: int, dimension: in
     np.testing.assert_allclose(means[:, 0], mean, rtol=1e-6, atol=1e-7 * scale)
     assert np.all(np.abs(variances[:, 0] - variance) <= 1e-6 * variance + DROWNED * prior + 1e-7 * scale**2)
     np.testing.assert_allclose(predictor.noise_variances, [raw.noise_std**2])
-
-
-@given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15, deadline=None)
-def test_a_root_without_drowned_directions_keeps_the_variance(seed: int) -> None:
-    """A smooth prior on many rows, one in five of them twice, near the rows and away from them."""
-    rng = np.random.default_rng(seed)
-    inputs = rng.normal(size=(120, 2))
-    inputs = np.concatenate([inputs, inputs[:24]])
-    hyper = HyperParameters(1.0, np.array([2.0, 3.0]), np.array([0.5, 0.1]), 0.3, 10.0 ** rng.uniform(-2, 0))
-    process = condition(inputs, rng.normal(size=144), hyper, standardisation=IDENTITY_2)
-    assert process.terms.root.shape[0] == 120
-    assert process.terms.root.shape[1] <= 60
-    new = np.concatenate([inputs[:20] + 0.01, rng.normal(size=(20, 2)) * 4.0])
-    gram = dense_covariance(inputs, inputs, hyper) + (hyper.noise_std**2 + JITTER) * np.eye(144)
-    cross, prior = dense_covariance(new, inputs, hyper), np.diag(dense_covariance(new, new, hyper))
-    expected = prior - np.sum(cross * np.linalg.solve(gram, cross.T).T, axis=1)
-    error = Predictor([process]).mean_and_variance(new)[1][:, 0] - expected
-    assert np.all(np.abs(error) <= DROWNED * prior)
-
-
-def test_a_rough_prior_keeps_the_triangular_root() -> None:
-    rng = np.random.default_rng(0)
-    hyper = HyperParameters(1.0, np.full(2, 0.05), np.full(2, 0.1), 0.3, 0.01)
-    root = condition(rng.normal(size=(80, 2)), rng.normal(size=80), hyper).terms.root
-    np.testing.assert_array_equal(root, np.triu(root))
-    assert root.shape == (80, 80)
 
 
 def test_no_cholesky_factor_is_an_error_and_not_a_number() -> None:

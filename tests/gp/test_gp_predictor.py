@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 
@@ -10,13 +9,11 @@ import numpy as np
 import pytest
 
 from gpsim.gp import (
-    FitSettings,
     HyperParameters,
     Predictor,
     Standardisation,
     condition,
     covariance,
-    fit_outputs,
     from_arrays,
     to_arrays,
 )
@@ -33,37 +30,6 @@ def make_predictor(seed: int = 0) -> tuple[Predictor, np.ndarray]:
     first = condition(inputs, rng.normal(size=40) * 3.0, hyper[0])
     second = condition(inputs[:25], rng.normal(size=25) - 8.0, hyper[1])
     return Predictor([first, second]), inputs[:11] + 0.3 * rng.normal(size=(11, 3))
-
-
-def test_little_noise_interpolates() -> None:
-    rng = np.random.default_rng(0)
-    inputs, targets = rng.normal(size=(15, 2)), rng.normal(size=15)
-    hyper = HyperParameters(1.0, np.array([0.5, 0.5]), np.array([0.1, 0.1]), 0.1, 1e-5)
-    predictor = Predictor([condition(inputs, targets, hyper)])
-    means, variances = predictor.mean_and_variance(inputs)
-    np.testing.assert_allclose(means[:, 0], targets, atol=1e-6)
-    assert variances.max() < 1e-8
-    assert variances.min() >= 0.0
-
-
-def test_variance_never_turns_negative() -> None:
-    """Dense rows and no noise: at the training inputs rounding alone decides the sign."""
-    inputs = np.linspace(0.0, 1.0, 60)[:, None]
-    hyper = HyperParameters(10.0, np.ones(1), np.ones(1), 1.0, 0.0)
-    predictor = Predictor([condition(inputs, np.sin(6.0 * inputs[:, 0]), hyper)])
-    _, variances = predictor.mean_and_variance(inputs)
-    assert variances.min() >= 0.0
-    assert np.all(np.isfinite(predictor.sample(inputs, np.random.default_rng(0), include_noise=False)))
-
-
-def test_far_from_the_data_the_prior_returns() -> None:
-    rng = np.random.default_rng(1)
-    inputs, targets = rng.normal(size=(15, 1)), rng.normal(size=15) + 4.0
-    process = condition(inputs, targets, HyperParameters(0.8, np.array([0.5]), np.zeros(1), 0.0, 0.1))
-    means, variances = Predictor([process]).mean_and_variance([[1e3]])
-    scaling = process.standardisation
-    assert means[0, 0] == pytest.approx(scaling.target_mean)
-    assert variances[0, 0] == pytest.approx((0.8 * scaling.target_scale) ** 2)
 
 
 def test_ninety_percent_intervals_hold_ninety_percent() -> None:
@@ -116,15 +82,6 @@ def test_outputs_together_predict_what_each_predicts_alone() -> None:
     np.testing.assert_array_equal(predictor.mean(new), means)
 
 
-def test_chunks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole, new = make_predictor()
-    monkeypatch.setattr("gpsim.gp.predictor.CHUNK_ELEMENTS", 4 * 65)
-    chunked = Predictor(whole.outputs)
-    np.testing.assert_allclose(chunked.mean(new), whole.mean(new), rtol=1e-12)
-    for part, expected in zip(chunked.mean_and_variance(new), whole.mean_and_variance(new), strict=True):
-        np.testing.assert_allclose(part, expected, rtol=1e-11)
-
-
 @pytest.mark.parametrize("strip", [1, 7, 40, 1000])
 def test_strips_give_the_variance_of_a_direct_solve(strip: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gpsim.gp.predictor.STRIP", strip)
@@ -138,16 +95,6 @@ def test_strips_give_the_variance_of_a_direct_solve(strip: int, monkeypatch: pyt
         cross = covariance(support, at, hyper)
         latent = np.diag(covariance(at, at, hyper)) - np.sum(cross * np.linalg.solve(gram, cross), axis=0)
         np.testing.assert_allclose(found, latent * scaling.target_scale**2, rtol=1e-6)
-
-
-def test_a_root_need_not_be_triangular() -> None:
-    """The seam for inducing points: any root with the same outer product gives the same variance."""
-    predictor, new = make_predictor()
-    first = predictor.outputs[0]
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=first.terms.root.shape))[0]
-    turned = dataclasses.replace(first, terms=dataclasses.replace(first.terms, root=first.terms.root @ turn))
-    expected = Predictor([first]).mean_and_variance(new)[1]
-    np.testing.assert_allclose(Predictor([turned]).mean_and_variance(new)[1], expected, rtol=1e-9)
 
 
 def test_round_trip_through_bytes_keeps_every_bit() -> None:
@@ -180,15 +127,6 @@ def test_damaged_arrays_are_refused() -> None:
         from_arrays({**arrays, "0/support": arrays["0/support"].astype(np.float32)}, metadata)
 
 
-def test_results_belong_to_the_caller() -> None:
-    predictor, new = make_predictor()
-    before = predictor.mean(new).copy()
-    first = predictor.mean(new)
-    first += 1.0
-    np.testing.assert_array_equal(predictor.mean(new), before)
-    np.testing.assert_array_equal(predictor.mean(np.asfortranarray(new)), before)
-
-
 def test_wrong_inputs_are_named() -> None:
     predictor, new = make_predictor()
     with pytest.raises(ValueError, match=r"\(B, 3\), got \(11, 2\)"):
@@ -199,11 +137,3 @@ def test_wrong_inputs_are_named() -> None:
     with pytest.raises(ValueError, match=r"\[1, 3\]"):
         Predictor([predictor.outputs[0], other])
     assert [part.shape for part in predictor.mean_and_variance(np.empty((0, 3)))] == [(0, 2), (0, 2)]
-
-
-def test_fit_outputs_gives_one_column_per_target() -> None:
-    rng = np.random.default_rng(3)
-    inputs = rng.uniform(-1.0, 1.0, (40, 1))
-    targets = np.column_stack([np.sin(3.0 * inputs[:, 0]), 2.0 - inputs[:, 0]])
-    predictor = Predictor(fit_outputs(inputs, targets, FitSettings(restarts=1), rng))
-    np.testing.assert_allclose(predictor.mean(inputs), targets, atol=0.02)

@@ -36,18 +36,6 @@ def test_it_is_a_delay_and_a_lag():
         np.testing.assert_allclose(np.array(out)[:, i], np.reshape(means, (40, fine)).mean(axis=1), atol=2e-3)
 
 
-def test_episodes_begin_at_rest():
-    rng = np.random.default_rng(1)
-    actions = commands(rng, 30, 3)
-    episode = np.repeat([0, 1, 2], [12, 5, 13])
-    t = clock(30)
-    whole = FILTER.arrived(actions, episode, t)
-    for number in range(3):
-        rows = episode == number
-        alone = FILTER.arrived(actions[rows], np.zeros(rows.sum(), int), t[rows])
-        np.testing.assert_array_equal(whole[rows], alone)
-
-
 def test_delay_and_lag_are_found_again():
     rng = np.random.default_rng(2)
     actions = commands(rng, 600, 6)
@@ -63,53 +51,12 @@ def test_delay_and_lag_are_found_again():
     np.testing.assert_allclose(found.time_constant, true.time_constant, atol=0.015)
 
 
-def test_settled_rows_are_those_that_have_stood():
-    actions = np.array([[1.0], [1.0], [1.0], [2.0], [2.0], [2.0], [2.0], [2.0]])
-    episode = np.array([0, 0, 0, 0, 0, 0, 1, 1])
-    assert settled_rows(actions, episode, clock(8), 2, 0.1).tolist() == [
-        False,
-        False,
-        True,
-        False,
-        False,
-        True,
-        False,
-        False,
-    ]
-    settled = settled_rows(actions, episode, clock(8), 1, 0.1).tolist()
-    assert settled == [False, True, True, False, True, True, False, True]
-
-
-def test_over_a_gap_another_command_may_have_stood():
-    actions, episode = np.ones((6, 1)), np.zeros(6, dtype=int)
-    t = np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6])
-    assert settled_rows(actions, episode, t, 2, 0.1).tolist() == [False, False, True, False, False, True]
-
-
-def test_a_command_stands_where_rows_are_lost():
-    """What arrives after the gap is what would have arrived of the whole log, as the command did not change."""
-    rng = np.random.default_rng(3)
-    actions, episode = commands(rng, 40, 8), np.repeat([0, 1], 20)
-    whole = FILTER.arrived(actions, episode, clock(40))
-    kept = np.setdiff1d(np.arange(40), [3, 10, 11, 12, 28])
-    np.testing.assert_array_equal(FILTER.arrived(actions[kept], episode[kept], clock(40)[kept]), whole[kept])
-
-
 def lossy(actions, episode, t, lost):
     """The rows whose transition is no gap once the samples `lost` are gone, and what stood over the gaps."""
     kept = np.setdiff1d(np.arange(len(t)), lost)
     actions, episode, t = actions[kept], episode[kept], t[kept]
     over = np.append(gaps(t, 0.1) & (np.diff(episode) == 0), False)
     return kept[~over], OverGaps.of(over, episode, t, actions)
-
-
-def test_the_command_at_the_last_row_before_a_gap_stands_through_it():
-    actions, t = np.zeros((30, 1)), clock(30)
-    actions[10:] = 1.0
-    kept, over_gaps = lossy(actions, np.zeros(30, dtype=int), t, np.arange(11, 20))
-    quick = CommandFilter((0.0,), (0.05,), 0.1)
-    found = quick.arrived(actions[kept], np.zeros(len(kept), dtype=int), t[kept], over_gaps)
-    assert found[kept.tolist().index(20), 0] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_commands_that_change_where_rows_are_lost_arrive_as_if_none_were():
@@ -140,24 +87,13 @@ def test_delay_and_lag_are_found_where_commands_change_before_gaps():
     assert (np.add(without.delay, without.time_constant) < total - 0.1).all()
 
 
-def test_after_a_gap_that_nothing_outlasts_it_starts_at_rest():
-    actions, episode = np.ones((10, 2)), np.zeros(10, dtype=int)
-    t = clock(10) + np.where(np.arange(10) < 5, 0.0, 3600.0)
-    found = FILTER.arrived(actions, episode, t)
-    np.testing.assert_array_equal(found[5:], found[:5])
-
-
-def test_lost_rows_do_not_bias_delay_and_lag():
-    """A tenth of the rows is missing; the true filter has seen them all."""
-    rng = np.random.default_rng(4)
-    actions, episode, t = commands(rng, 1200, 6), np.repeat([0, 1, 2], 400), clock(1200)
-    true = CommandFilter((0.13, 0.06), (0.11, 0.25), 0.1)
-    measured = true.arrived(actions, episode, t) + 0.01 * rng.standard_normal((1200, 2))
-    kept = np.sort(rng.permutation(1200)[:1080])
-    found = fit_filter(actions[kept], episode[kept], t[kept], measured[kept], lambda arrived: arrived, 0.1)
-    total = np.add(found.delay, found.time_constant)
-    np.testing.assert_allclose(total, np.add(true.delay, true.time_constant), atol=0.01)
-    np.testing.assert_allclose(found.delay, true.delay, atol=0.015)
+def test_settled_rows_are_those_that_have_stood_and_over_a_gap_another_command_may_have():
+    actions = np.array([[1.0], [1.0], [1.0], [2.0], [2.0], [2.0], [2.0], [2.0]])
+    episode, t = np.array([0, 0, 0, 0, 0, 0, 1, 1]), clock(8)
+    assert np.flatnonzero(settled_rows(actions, episode, t, 1, 0.1)).tolist() == [1, 2, 4, 5, 7]
+    assert np.flatnonzero(settled_rows(actions, episode, t, 2, 0.1)).tolist() == [2, 5]
+    t[2:] += 0.1
+    assert np.flatnonzero(settled_rows(actions, episode, t, 1, 0.1)).tolist() == [1, 4, 5, 7]
 
 
 def test_round_trip_and_foreign_content():

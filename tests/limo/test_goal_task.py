@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.environments import BatchedEnv
 from gpsim.evaluation import solvable
-from gpsim.simulators import RandomisedPlant, SimulatorPlant, make_simulator
+from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.tasks import GoalReaching
 
 UNICYCLE = make_simulator("unicycle")
@@ -45,28 +45,6 @@ def test_the_reward_telescopes_to_the_bearing_gained_plus_the_goal():
     assert 50 < steps < 85
 
 
-def test_starts_lie_in_the_arena_and_never_on_the_goal():
-    task = GoalReaching(goal_radius=0.3)
-    start = task.start(2000, np.random.default_rng(0))
-    assert np.abs(start.states[:, :2]).max() <= 0.55
-    assert np.abs(start.context).max() <= 0.55
-    assert np.hypot(*(start.context - start.states[:, :2]).T).min() > 0.3
-
-
-def test_evaluation_starts_are_places_with_every_heading():
-    start = GoalReaching().evaluation_starts(200, np.random.default_rng(0))
-    assert len(start.states) == 200
-    assert len(np.unique(start.states[:, :2], axis=0)) == 25
-    assert len(np.unique(start.states[:8, 2])) == 8
-    assert (start.context == [0.5, -0.5]).all()
-
-
-def test_the_edge_counts_on_the_target_only():
-    states, goal = np.array([[2.1, 0.0, 0.0]]), np.array([[0.0, 0.0]])
-    assert not GoalReaching().terminated(states, goal)[0]
-    assert GoalReaching().on_target().terminated(states, goal)[0]
-
-
 def test_an_action_that_is_repeated_is_that_many_single_steps():
     """Ended episodes stay where they ended, and their last observation is from there."""
     task, rng = GoalReaching(max_steps=23), np.random.default_rng(1)
@@ -96,16 +74,6 @@ def test_an_action_that_is_repeated_is_that_many_single_steps():
     for _ in range(2):
         _, _, _, late, _ = many.step(action)
     assert late[1:].all()
-
-
-def test_domain_randomisation_of_a_simulator_without_parameters_draws_gains():
-    plant, rng = RandomisedPlant(UNICYCLE, {}, "euler", 0.1, 0.1, "actions"), np.random.default_rng(0)
-    memory = plant.begin(1000, rng)
-    after = plant.step(np.zeros((1000, 3)), np.tile([0.2, 0.3], (1000, 1)), memory, rng)
-    gains = after[:, [0, 2]] / [0.02, 0.03]
-    assert gains.min() > 0.9
-    assert gains.max() < 1.1
-    assert gains.std(axis=0) == pytest.approx([0.2 / np.sqrt(12)] * 2, rel=0.1)
 
 
 def test_geometry_of_turning():

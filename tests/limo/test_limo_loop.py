@@ -75,16 +75,3 @@ def test_a_bag_as_the_target_runs_what_it_can_and_says_why_not_the_rest(finished
     # The loop's own recording and the one that is read from its bag are the same, to the byte.
     mine, theirs = (p / "runs/limo/collect/v0001/recording.parquet" for p in (tmp_path, folder))
     assert mine.read_bytes() == theirs.read_bytes()
-
-
-def test_an_imported_recording_as_the_target_is_not_collected_again(finished, tmp_path):
-    folder, _ = finished
-    bag = folder / "runs/limo/collect/v0001/bags/drive.bag"
-    words = ["import", str(bag), "--mapping", "limo_optitrack", "--out", "drive"]
-    assert subprocess.run([*LOOP[:3], *words], cwd=tmp_path, capture_output=True, check=False).returncode == 0
-    ended = run_loop(tmp_path, "target=recording", "recording=drive", "evaluate.policies=[Source,GP-Mean]")
-    assert ended.returncode == 0, ended.stderr
-    assert "layer 3 is left out" in ended.stdout
-    assert not list(tmp_path.glob("runs/limo/collect"))
-    manifest = json.loads((tmp_path / "runs/limo/report/v0001/manifest.json").read_text())
-    assert manifest["parents"]["recording"]["stage"] == "import"

@@ -11,11 +11,10 @@ import pytest
 
 from gpsim.channels import wrap_angle
 from gpsim.corrected import CommandFilter, CorrectedPlant, Features, GpCorrection
-from gpsim.errors import UsageError
 from gpsim.evaluation import Monitor, MonitorSettings, Usual
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.policies import Policy
-from gpsim.policies.ros_node import ros_node
+from gpsim.policies.export import ros_node
 from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages.export import facts_of
 
@@ -171,12 +170,6 @@ def test_the_node_watches_as_the_monitor_does_and_stops_where_it_does(ros, tmp_p
     assert [a for a, _ in stopped] == [b for _, b in stopped]
     assert not any(a for a, _ in stopped[:40])
     assert stopped[-1][0]
-
-
-def test_what_a_node_cannot_predict_with_is_one_line():
-    base = SimulatorPlant(UNICYCLE, {}, "euler", 0.1)
-    with pytest.raises(UsageError, match="one Gaussian process a rate"):
-        facts_of(monitor_of(base))
 
 
 PLAN = "t,v_cmd,w_cmd\n0.0,0.1,0.5\n0.1,0.2,-0.5\n0.2,0.3,0\n"

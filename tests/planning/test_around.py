@@ -86,7 +86,7 @@ def test_the_pair_is_told_apart_and_left_alone_nothing_is_found(held):
     (pair,) = held[0].pairs
     assert pair.separated
     with pytest.raises(UsageError, match="no commands were found"):
-        planned(None)
+        planned(None, settings=dataclasses.replace(QUICK, candidates=1, draws=1, checked=4))
 
 
 def test_a_policy_that_does_not_hold_the_machine_is_refused():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_posteriors import LAG_OR_DELAY, NOISE, made_machine, made_posterior
 
-from gpsim.planning.information import nothing_played, precisions, separations, summed, unvisited
+from gpsim.planning.information import separations, summed
 from gpsim.planning.models import model_of
 
 
@@ -34,29 +34,3 @@ def test_nats_are_what_is_left_of_the_difference_after_the_best_mimicry(played):
             left = np.linalg.lstsq(np.vstack([slopes, prior]), wanted, rcond=None)[1]
             ways.append(0.5 * left[0])
         assert nats[e] == pytest.approx(min(ways), rel=1e-5)
-
-
-def test_sums_over_two_stretches_are_those_of_both(played):
-    models, said = played
-    noise = np.array(list(NOISE.values()))
-    whole = summed(models, said, noise)
-    parts = [summed(models, [s[:, :, cut] for s in said], noise) for cut in (slice(0, 40), slice(40, None))]
-    assert separations(models, parts[0].plus(parts[1])) == pytest.approx(separations(models, whole), rel=1e-9)
-    assert separations(models, nothing_played(models)) == pytest.approx(0.0)
-    assert precisions(models[0], nothing_played(models)) == pytest.approx(0.0)
-    assert (precisions(models[0], whole) > 0.1).all()
-
-
-def test_where_something_was_there_is_less_to_learn():
-    rows = np.random.default_rng(0).uniform(-1, 1, (60, 3))
-    before = unvisited(rows)
-    far = np.full((1, 4, 3), 5.0) + np.arange(4)[None, :, None]
-    near = rows[None, :4]
-    assert before.nats(near)[0] < 0.5 * before.nats(far)[0]
-    assert before.with_visits(far[0]).nats(far)[0] < before.nats(far)[0]
-
-
-def test_draws_scatter_as_the_covariance_says():
-    one = made_posterior(*LAG_OR_DELAY).explanations[0]
-    drawn = one.drawn(np.random.default_rng(0), 4000)
-    assert drawn.std(axis=0) == pytest.approx(np.sqrt(np.diag(one.covariance)), rel=0.1)

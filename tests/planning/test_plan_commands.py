@@ -91,33 +91,6 @@ def test_bad_input_is_one_line_and_exit_code_2(found, monkeypatch, capfd, words,
     assert not Path("made").exists()
 
 
-def test_a_log_that_begins_at_the_edge_of_its_own_range_is_planned_for(tmp_path, monkeypatch, capfd):
-    """A carriage that leaves its end of the track and never goes behind it."""
-    dt, steps, q, v, rows = 0.02, 3000, 0.0, 0.0, []
-    for k in range(steps):
-        t = k * dt
-        goal = 1.0 - np.cos(0.9 * t) + 0.3 * (1.0 - np.cos(2.3 * t))
-        u = 8.0 * (goal - q) - 3.0 * v
-        rows.append((t, q, v, u))
-        for _ in range(10):
-            v += (u - 0.8 * v) * dt / 10
-            q += v * dt / 10
-    table = pd.DataFrame(rows, columns=["t", "q", "q_dot", "force"])
-    assert table.q.min() > -1e-3
-    recording = gpsim.recording_from_frame(table, {"q": "m", "q_dot": "m/s", "force": "N"}, "slider")
-    gpsim.diagnose(recording, families={"only": ["viscous_friction"]}).save(tmp_path / "edge")
-    quick = [word for word in SMALL if not word.startswith("plan.box")]
-    words = ("plan", tmp_path / "edge", "--minutes", "0.1", "--anew", *quick, "--out", "made")
-    code, _, error = called(monkeypatch, capfd, *words)
-    assert code == 0, error
-    facts = yaml.safe_load(Path("made/plan.yaml").read_text())
-    low, high = facts["box"]["q"]
-    assert facts["rest"]["q"] == pytest.approx(low + 0.1 * (high - low))
-    code, _, error = called(monkeypatch, capfd, *words[:-1], "other", "plan.rest={q: 0}")
-    assert code == 2  # what is stated is taken as it is
-    assert "does not hold the first state" in error
-
-
 def test_there_is_nothing_to_plan_for_a_verdict_of_none(found, monkeypatch, capfd):
     monkeypatch.setattr("gpsim.stages.plan.read_diagnosis", lambda folder: type("D", (), {"verdict": "none"}))
     code, _, error = called(monkeypatch, capfd, "plan", found, "--out", "made")
@@ -149,18 +122,6 @@ def test_a_watch_ends_with_4_where_friction_has_grown_and_goes_on_where_it_was(
     assert "the account no longer holds" in said
     lines = (tmp_path / "logs.watch.jsonl").read_text().splitlines()
     assert [json.loads(line)["recording"] for line in lines] == ["a.csv", "b.csv"]
-
-
-def test_a_table_that_grows_is_looked_at_where_it_is_new(found, tmp_path, monkeypatch, capfd):
-    whole, log = frame(1.4, seed=5), tmp_path / "log.csv"
-    words = ("watch", log, "--diagnosis", found, "--once", "watch.stretch=20")
-    whole[: 60 * 50].to_csv(log, index=False)
-    assert called(monkeypatch, capfd, *words)[0] == 0
-    whole.to_csv(log, index=False)
-    assert called(monkeypatch, capfd, *words)[0] == 0
-    first, second = map(json.loads, (tmp_path / "log.csv.watch.jsonl").read_text().splitlines())
-    assert len(first["stretches"]) == 3
-    assert second["stretches"][0]["begin"] == pytest.approx(60.0, abs=1.0)
 
 
 STATE = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}

@@ -26,7 +26,7 @@ from gpsim.findings import (
     StepErrors,
 )
 from gpsim.reports.account import account_of
-from gpsim.reports.account_lines import COLUMNS, LINES, account_lines, bar, wrapped
+from gpsim.reports.account_lines import COLUMNS, LINES, account_lines
 from gpsim.reports.sheets import printable
 
 NAMES = st.text(max_size=150) | st.sampled_from(
@@ -145,14 +145,6 @@ def test_many_effects_are_cut_in_a_fixed_order():
     assert any(line.startswith("Next") for line in lines)
 
 
-def test_a_name_makes_room_for_the_numbers():
-    long = friction(on="/robot/arm/joint" * 9)
-    lines = account_lines(account_of(replace(partial(), effects=(long,))))
-    (row,) = [line for line in lines if "8.71" in line]
-    for number in ("8.71 ± 0.06 N", "74 %", "sure", "yes"):
-        assert number in row
-
-
 def test_a_long_name_is_wrapped_and_not_cut():
     joint = "rotor_inertia_of_the_shoulder_lift_joint_of_the_left_arm"
     lines = account_lines(account_of(replace(named(), effects=(friction(on=joint),)), "runs/found"))
@@ -160,23 +152,6 @@ def test_a_long_name_is_wrapped_and_not_cut():
     start = next(i for i, line in enumerate(lines) if line.startswith("What"))
     told = [line[9:].split("  ")[0] for line in lines[start + 1 : start + 4]]
     assert joint in "".join(told)
-
-
-def test_a_shorter_bar_makes_room_for_sizes_before_they_are_cut():
-    size = Estimate(0.0042, 0.0039, 0.0045, "N m s/rad")
-    damped = made_effect(
-        family="viscous_friction", on="the_shoulder_lift_joint", parameters={"damping": size}, role="headline",
-        importance=Share(0.14), form="untested",
-    )  # fmt: skip
-    lines = account_lines(account_of(replace(named(), effects=(damped,))))
-    check(lines)
-    (row,) = [line for line in lines if "0.0042" in line]
-    assert "0.00420 ± 0.00030 N m s/rad" in row
-    assert "14 %" in row
-    (whole,) = [
-        line for line in account_lines(account_of(named())) if "effect" in line and "law holds?" in line
-    ]
-    assert "share of mismatch" in whole
 
 
 def test_a_folder_that_is_too_long_for_a_line_is_dir():
@@ -187,26 +162,3 @@ def test_a_folder_that_is_too_long_for_a_line_is_dir():
     )
     (line,) = [line for line in account_lines(account_of(partial(), long)) if "train-gp-policy" in line]
     assert line.strip() == "gpsim train-gp-policy diagnosis=DIR correction=effects+gp"
-
-
-@pytest.mark.parametrize(
-    ("share", "drawn"),
-    [
-        (0.0, ""),
-        (0.5, "█████"),
-        (1.0, "██████████"),
-        (0.0125, "▏"),
-        (7.0, "██████████"),
-        (-1.0, ""),
-        (None, ""),
-    ],
-)
-def test_a_bar_is_as_long_as_its_share(share, drawn):
-    assert bar(share) == drawn.ljust(10)
-
-
-def test_words_are_wrapped_and_their_end_is_marked():
-    assert wrapped("one two three", 7, 2) == ["one two", "three"]
-    assert wrapped("one two three four", 9, 1) == ["one two …"]
-    assert wrapped("位置位置位置", 5, 1) == ["位…置"]
-    assert wrapped("", 10, 2) == []

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_diagnoses import made_diagnosis
 from pages import check_policy
-from rich_diagnoses import RICH, ambiguous, friction, gain, measured, named, partial, share, unknown, viscous
+from rich_diagnoses import RICH, ambiguous, friction, measured, named, partial, share
 
 from gpsim.channels import Channels
-from gpsim.findings import Explained, NotAsked, RankedHypothesis, Share
+from gpsim.findings import NotAsked, RankedHypothesis
 from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
@@ -38,14 +36,6 @@ def told(diagnosis, **given):
 
 def first_screen(text):
     return text.partition('<div class="folded">')[0]
-
-
-def test_the_picture_shows_the_two_channels_that_make_most_of_the_mismatch():
-    real = np.column_stack([np.sin(T), np.cos(T), T])
-    said = {BASE: real + 0.3}
-    trace = Trace("17", "median of 9", True, T, real, said, {BASE: np.ones(3)})
-    picture = account_figures(named(), STATE, Traces((3, 0, 1), 1.0, True, (trace,)))["held_out_rollout"]
-    assert picture.shows == ["theta_dot", "x"]
 
 
 def test_what_was_not_asked_is_folded_below():
@@ -90,24 +80,6 @@ def test_every_hypothesis_says_why_it_is_not_the_account_and_a_better_one_why_it
     assert "(this file does not say why)" in rows[2]
 
 
-def test_on_a_narrow_screen_tables_stack_and_each_number_says_what_it_is():
-    """Looked at in a browser, 500 pixels wide: nothing is cut. What makes it so is in the page."""
-    text = told(partial())
-    viewport = ("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"})
-    assert viewport in check_policy(text).elements
-    narrow = text.partition("@media (max-width: 40rem)")[2].partition("</style>")[0]
-    for rule in ("td { display: block; }", "th { display: none; }", "content: attr(data-head)", "pre-wrap"):
-        assert rule in narrow
-    tables = re.findall(r"<table.*?</table>", text, re.DOTALL)
-    stacked = [t for t in tables if "<th" in t and t not in first_screen(text)] + [tables[0]]
-    assert len(stacked) > 3
-    for table in stacked:
-        for row in re.findall(r"<tr(?!><th).*?</tr>", table, re.DOTALL):
-            _, *cells = re.findall(r"<td[^>]*>", row)
-            assert cells
-            assert all('data-head="' in cell for cell in cells), row
-
-
 @pytest.mark.parametrize("verdict", RICH)
 def test_the_first_screen_is_the_account(verdict):
     diagnosis = RICH[verdict]()
@@ -142,16 +114,6 @@ def test_its_pictures_stand_beside_it(verdict, titles):
     assert [a["alt"] for tag, a in screen.elements if tag == "img"] == titles
 
 
-def test_bars_are_as_long_as_their_shares():
-    text = told(named())
-    (style,) = check_policy(text).styles
-    fills = re.findall(r'class="fill (w\d+) (c\d)"', text)
-    assert fills == [("w74", "c0"), ("w19", "c1")]
-    for width, colour in fills:
-        assert f".{width} {{ width: {width[1:]}%; }}" in style
-        assert f".{colour} {{ background: #" in style
-
-
 def test_the_mismatch_is_the_sum_of_its_parts():
     found = {part.name: part.share for part in parts(named())}
     assert found == {
@@ -164,22 +126,6 @@ def test_the_mismatch_is_the_sum_of_its_parts():
     found = parts(replace(named(), effects=many))
     assert [part.name for part in found[-2:]] == ["2 more", "left"]
     assert found[-2].share == pytest.approx(0.2)
-
-
-def test_what_explains_less_than_nothing_is_no_part_and_nobody_draws_what_nobody_computed():
-    less = replace(named(), effects=(friction(), viscous(importance=share(-0.01)), gain(importance=None)))
-    assert [part.name for part in parts(less)] == ["Coulomb friction on x", "left"]
-    assert parts(replace(named(), effects=(friction(importance=None),))) == []
-    assert parts(replace(named(), effects=(friction(importance=Share(math.nan)),))) == []
-    assert parts(unknown()) == []
-
-
-def test_every_measured_curve_has_a_picture():
-    two = replace(partial(), effects=(friction(), measured(), measured("theta", low=(), high=())))
-    drawn = account_figures(two, STATE, None)
-    assert set(drawn) == {"decomposition", "measured_1", "measured_2"}
-    assert drawn["measured_1"].title == "No law of the catalogue: measured force on x"
-    assert "force on x over x_dot" in drawn["measured_1"].caption
 
 
 def test_a_picture_that_fails_does_not_take_the_others_with_it():
@@ -201,26 +147,6 @@ def test_a_picture_that_fails_does_not_take_the_others_with_it():
     assert failed == ["measured_1"]
 
 
-def test_a_page_without_pictures_is_whole():
-    text = page(made_diagnosis(), {}, "slider", missing=["figure x is left out"])
-    screen = first_screen(text)
-    assert 'class="first alone"' in screen
-    assert "figure x is left out" in screen
-    assert "<img" not in text
-
-
-def test_names_make_no_elements():
-    odd = '<script>alert(1)</script> & "x"'
-    found = replace(
-        partial(),
-        effects=(friction(on=odd), viscous(on=odd)),
-        log_facts=(odd,),
-        explained=Explained(rollout=Share(0.9), one_step={odd: Share(0.1)}),
-    )
-    page_ = check_policy(told(found))
-    assert odd in page_.text  # letter by letter, in the statistics
-
-
 @pytest.mark.filterwarnings("error")
 def test_names_are_drawn_letter_by_letter():
     """No formulas, no labels that begin with `_` and vanish, no warnings of letters that the font lacks."""
@@ -232,7 +158,3 @@ def test_names_are_drawn_letter_by_letter():
     drawn = account_figures(found, state, rolled())
     assert set(drawn) == {"held_out_rollout", "decomposition", "measured_1"}
     assert all(picture.png.startswith(b"\x89PNG") for picture in drawn.values())
-
-
-def test_equal_diagnoses_give_equal_pages():
-    assert told(partial()) == told(partial())

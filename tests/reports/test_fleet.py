@@ -34,15 +34,6 @@ def test_a_size_apart_differs_and_the_others_do_not():
     assert headline(robots, [found]) == "1 of 5 robots differs: odd"
 
 
-def test_of_three_the_two_that_agree_do_not_differ():
-    robots = [robot("a", spring(2.0)), robot("b", spring(2.1)), robot("odd", spring(3.5))]
-    assert [d.robot for d in deviations(robots)] == ["odd"]
-
-
-def test_what_its_own_interval_holds_does_not_differ():
-    assert deviations(fleet(robot("vague", spring(3.0, half=0.6)))) == []
-
-
 def test_another_effect_and_a_missing_one_and_since_when():
     late = made_effect(family="constant_force", since=40.0)
     robots = fleet(robot("bent", spring(2.0), late), robot("bare", verdict="none"))
@@ -51,11 +42,6 @@ def test_another_effect_and_a_missing_one_and_since_when():
     assert found["bent"].since == "since t = 40 s"
     assert found["bent"].others == "none"
     assert (found["bare"].effect, found["bare"].here) == ("spring on q", "none")
-
-
-def test_the_same_effect_that_began_later_differs():
-    (found,) = deviations(fleet(robot("late", spring(2.0, since=7.0))))
-    assert found.since == "since t = 7 s"
 
 
 def test_of_explanations_that_cannot_be_told_apart_the_fleets_counts():

@@ -8,7 +8,7 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.corrected import Features, GpCorrection
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.reports.gp_figures import most_telling, residual_slice, residual_slices
+from gpsim.reports.loop_figures import most_telling, residual_slice, residual_slices
 from gpsim.residuals import Residuals
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "force": "N"})
@@ -49,12 +49,6 @@ def test_slice_jumps_at_zero_by_as_much_as_the_truth(residuals: Residuals) -> No
         assert np.abs(cut.point_errors).max() < 0.1
 
 
-def test_smooth_inputs_round_the_jump_off_and_the_slice_shows_that(residuals: Residuals) -> None:
-    cut = residual_slice(residuals, correction(residuals, "x", "x_dot", "force"), np.arange(120), "x_acc")
-    right = int(np.searchsorted(cut.grid, 0.0))
-    assert abs(cut.mean[right] - cut.mean[right - 1]) < 1e-3
-
-
 def test_the_slice_is_the_gp_at_medians_that_occur(residuals: Residuals) -> None:
     gp = correction(residuals, "x", "x_dot", "force", "sign(x_dot)")
     cut = residual_slice(residuals, gp, np.arange(120), "theta_acc", channel="x", points=7)
@@ -65,17 +59,6 @@ def test_the_slice_is_the_gp_at_medians_that_occur(residuals: Residuals) -> None
     mean, variance = gp.predictor.mean_and_variance(gp.features(line))
     np.testing.assert_allclose(cut.mean, mean[:, 1])
     np.testing.assert_allclose(cut.observed_std**2, variance[:, 1] + gp.predictor.noise_variances[1])
-
-
-def test_only_the_given_rows_are_points_and_a_quarter_is_near(residuals: Residuals) -> None:
-    gp = correction(residuals, "x", "x_dot", "force", "sign(x_dot)")
-    rows = np.arange(0, 120, 2)
-    cut = residual_slice(residuals, gp, rows, "x_acc")
-    np.testing.assert_array_equal(cut.point_inputs, residuals.inputs[rows, 1])
-    np.testing.assert_array_equal(cut.point_residuals, residuals.values[rows, 0])
-    assert cut.near.sum() == pytest.approx(15, abs=1)
-    far = np.abs(residuals.inputs[rows, 0] - cut.at["x"])
-    assert far[cut.near].max() < np.median(far)
 
 
 def test_most_telling_finds_steps_slopes_and_switches() -> None:

@@ -19,7 +19,6 @@ from gpsim.findings import (
     NoGp,
     RemainderGp,
     Separation,
-    Share,
 )
 from gpsim.reports.diagnosis_text import (
     combination_text,
@@ -28,43 +27,22 @@ from gpsim.reports.diagnosis_text import (
     log_fact_text,
     open_text,
 )
-from gpsim.reports.quantities import brief, percent, share_text, size_text
+from gpsim.reports.quantities import percent, size_text
 from gpsim.reports.statistics_text import trace_lines
 from gpsim.reports.wording import effect_sentence, worded
 
 PLACE = Place("q", "N", loaded=True)
 SAID = {
     "coulomb_friction": "Coulomb friction on q (force 0.5 u) was left out",
-    "viscous_friction": "viscous friction on q with damping 0.5 u was left out",
-    "quadratic_drag": "quadratic drag on q of 0.5 u was left out",
     "stribeck_friction": "Stribeck friction on q (0.5 u at rest, 0.5 u sliding, falling over 0.5 u) was left out",
     "spring": "a spring on q of 0.5 u resting at 0.5 u was left out",
-    "constant_force": "a constant force of 0.5 u on q was left out",
     "local_friction_patch": "a patch of q brakes with a friction of 0.5 u",
     "parameter_offset": "q is 0.5 u times what the simulator believes",
-    "actuator_gain": "q acts with 0.5 u times its commanded size",
-    "actuator_bias": "q acts with an offset of 0.5 u",
-    "actuator_dead_zone": "q does nothing below 0.5 u",
-    "actuator_saturation": "q saturates at 0.5 u",
     "actuator_asymmetry": "q acts with 0.5 u times a positive command and 0.5 u times a negative one",
-    "actuator_delay": "q acts 0.5 u late",
-    "actuator_lag": "q follows its command with a lag of 0.5 u",
-    "actuator_rate_limit": "q changes no faster than 0.5 u",
-    "actuator_backlash": "q has a backlash of half width 0.5 u",
     "battery_sag": "q loses 0.5 u of its strength (battery sag)",
-    "minimum_turning_radius": "the vehicle turns no tighter than a radius of 0.5 u",
-    "understeer": "the vehicle understeers with a gradient of 0.5 u",
-    "steering_bias": "the steering is off by a curvature of 0.5 u",
     "lateral_slip": "the vehicle slips sideways by 0.5 u times its lateral acceleration",
-    "sensor_bias": "the sensor of q is off by 0.5 u",
-    "sensor_scale": "the sensor of q reads 0.5 u times the truth",
     "sensor_delay": "the sensor of q is 0.5 u late",
-    "marker_offset": "the marker sits 0.5 u ahead and 0.5 u left of the vehicle's reference point",
-    "frame_rotation": "the measured yaw is turned by 0.5 u",
     "payload": "a payload of 0.5 u on q, at (0.5 u, 0.5 u, 0.5 u) in its frame, was left out",
-    "armature": "rotor inertia of 0.5 u on q was left out",
-    "gravity_tilt": "the base is tilted by a roll of 0.5 u and a pitch of 0.5 u",
-    "joint_offset": "the zero of q is off by 0.5 u",
 }
 
 
@@ -81,13 +59,6 @@ def test_every_family_of_the_catalogue_is_said(family):
         assert effect_sentence(effect) == SAID[family]
     elif not FAMILIES[family].sentence:  # a family needs none of its own
         assert re.fullmatch(r".+ on q \(.+\) was left out", effect_sentence(effect))
-
-
-def test_a_sentence_says_parameters_that_its_family_has():
-    for family, effect in FAMILIES.items():
-        told = set(re.findall(r"{(\w+)}", effect.sentence)) - {"on"}
-        if effect.sentence:
-            assert told <= {p.name for p in effect.parameters(PLACE)}, family
 
 
 @pytest.mark.parametrize(
@@ -109,21 +80,6 @@ SPRING_OR_DRAG = ((("spring", "q"),), (("drag", "q"),))
 def advised(excitation, **parts):
     advice = Discrimination((Separation(excitation, SPRING_OR_DRAG, "q", 3.04),), ())
     return made_diagnosis(verdict="ambiguous", discrimination=advice, **parts)
-
-
-@pytest.mark.parametrize(
-    ("excitation", "said"),
-    [
-        (Excitation("u", "constant", 2.5), "a constant u of 2.5"),
-        (Excitation("u", "constant", -2.5), "a constant u of -2.5"),
-        (Excitation("u", "slow wave", 12.3456), "a slow wave of u with amplitude 12.3"),
-        (Excitation("u", "fast wave", 1.0), "a fast wave of u with amplitude 1"),
-        (Excitation("u", "random levels", 1.0), "random levels of u up to 1"),
-    ],
-)
-def test_what_to_drive_an_action_with_is_said(excitation, said):
-    apart = "spring on q and drag on q then differ by up to 3.04 standard deviations of the noise in q"
-    assert worded(advised(excitation)).tell_apart == f"record {said}: {apart}"
 
 
 @pytest.mark.parametrize(
@@ -192,18 +148,6 @@ def test_a_share_never_claims_all_or_nothing_by_rounding(share, said):
     assert percent(share) == said
 
 
-def test_a_share_has_its_interval_where_there_is_one():
-    assert share_text(Share(0.93, 0.88, 0.96)) == "93 % (88 to 96)"
-    assert share_text(Share(0.93)) == "93 %"
-
-
-@pytest.mark.parametrize(
-    ("value", "said"), [(9.213, "9.2"), (123.4, "123"), (0.0102, "0.010"), (math.nan, "diverged")]
-)
-def test_an_error_has_two_digits(value, said):
-    assert brief(value) == said
-
-
 @pytest.mark.parametrize(
     ("fact", "said"),
     [
@@ -249,19 +193,6 @@ def test_what_is_fixed_and_what_is_open_is_said():
 
 
 DRAG, FRICTION, SPRING = "quadratic_drag on q", "coulomb_friction on q", "spring on q"
-
-
-@pytest.mark.parametrize(
-    ("candidate", "over", "said"),
-    [
-        ((FRICTION, DRAG), (FRICTION,), f"+ {DRAG} (beside {FRICTION})"),
-        ((FRICTION, SPRING), (FRICTION, DRAG), f"+ {SPRING} - {DRAG} (beside {FRICTION})"),
-        ((), (DRAG,), f"- {DRAG}"),
-        ((DRAG,), (DRAG,), f"the same terms (beside {DRAG})"),
-    ],
-)
-def test_a_decision_says_what_is_added_and_dropped_and_what_both_have(candidate, over, said):
-    assert trace_lines([Decision("search", candidate, over, True, "good share")])[1].endswith(said)
 
 
 def test_decisions_stand_below_their_step_and_are_told_once():

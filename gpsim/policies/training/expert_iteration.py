@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.logger import Logger
 
 from gpsim.channels import FloatArray
 from gpsim.environments import Episodes
@@ -79,19 +78,6 @@ def improved(
     Same seed, same bytes: one torch thread, draws from generators of its own. events: a folder for event files, whose
     steps are rounds.
     """
-    with event_log(events) as log:
-        return _improved(policy, plant, expert, settings, seed, progress, log)
-
-
-def _improved(
-    policy: Policy,
-    plant: Plant,
-    expert: Expert,
-    settings: PpoSettings,
-    seed: int,
-    progress: Progress,
-    log: Logger,
-) -> tuple[Policy, Checkpoints]:
     torch.set_num_threads(1)
     rng, shuffle = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
     learner = _Learner(policy, shuffle)
@@ -99,23 +85,24 @@ def _improved(
     costs: list[FloatArray] = []
     rows: list[tuple[int, float, float, float]] = []
     policies, at = [policy], policy
-    for turn in range(settings.expert_rounds + 1):
-        done = _played(at, plant, expert, rng)
-        said = (len(observed) * settings.expert_states, float(done.score.mean()))
-        rows.append((*said, float(done.lasted.mean()), float(done.length.mean())))
-        note(log, score=said[1], lasting=rows[-1][2], length=rows[-1][3])
-        log.dump(turn)
-        progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
-        if turn == settings.expert_rounds or done.lasted.all():
-            break
-        visited = done.visited(*_looked_at(done, settings.expert_states, expert, rng))
-        observed.append(visited.observations)
-        costs.append(expert.costs(visited, rng))
-        at = learner.learn(np.concatenate(observed), np.concatenate(costs))
-        policies.append(at)
-    steps, score, success, length = (np.array(column) for column in zip(*rows, strict=True))
-    best = _best([policies[i] for i in np.argsort(-score, kind="stable")[:FINALISTS]], plant, expert, rng)
-    return best, Checkpoints(steps, score, success, length)
+    with event_log(events) as log:
+        for turn in range(settings.expert_rounds + 1):
+            done = _played(at, plant, expert, rng)
+            said = (len(observed) * settings.expert_states, float(done.score.mean()))
+            rows.append((*said, float(done.lasted.mean()), float(done.length.mean())))
+            note(log, score=said[1], lasting=rows[-1][2], length=rows[-1][3])
+            log.dump(turn)
+            progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
+            if turn == settings.expert_rounds or done.lasted.all():
+                break
+            visited = done.visited(*_looked_at(done, settings.expert_states, expert, rng))
+            observed.append(visited.observations)
+            costs.append(expert.costs(visited, rng))
+            at = learner.learn(np.concatenate(observed), np.concatenate(costs))
+            policies.append(at)
+    found = Checkpoints(*map(np.array, zip(*rows, strict=True)))
+    finalists = np.argsort(-found.score, kind="stable")[:FINALISTS]
+    return _best([policies[i] for i in finalists], plant, expert, rng), found
 
 
 def _best(policies: list[Policy], plant: Plant, expert: Expert, rng: np.random.Generator) -> Policy:

@@ -15,7 +15,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 from gpsim.environments import BatchedEnv
 from gpsim.policies import Policy
 from gpsim.policies.training.lean_ppo import FusedAdam, LeanPPO
-from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, event_log, falling, hidden_layers, note
+from gpsim.policies.training.sb3 import (
+    StableBaselinesEnv,
+    arrays,
+    event_log,
+    falling,
+    hidden_layers,
+    layers_of,
+    note,
+)
 from gpsim.policies.training.settings import LearningCurve, PpoSettings, Progress, observation_scale
 
 Watch = Callable[[int, Policy], None]
@@ -76,11 +84,7 @@ def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_s
 def _network(model: PPO, hidden: str, last: str, scale: NDArray[np.float32]) -> Policy:
     """The actor's layers, or the critic's."""
     state = arrays(model.policy)
-    weights = {}
-    for i, prefix in enumerate([*hidden_layers(state, f"mlp_extractor.{hidden}."), last]):
-        weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
-        weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
-    return Policy(weights, scale)
+    return Policy(layers_of(state, [*hidden_layers(state, f"mlp_extractor.{hidden}."), last]), scale)
 
 
 class _Watcher(BaseCallback):
@@ -108,5 +112,4 @@ class _Watcher(BaseCallback):
 
     def curve(self) -> LearningCurve:
         """Everything so far."""
-        columns = list(zip(*self._rows, strict=True))
-        return LearningCurve(np.array(columns[0]), np.array(columns[1]), np.array(columns[2]))
+        return LearningCurve(*map(np.array, zip(*self._rows, strict=True)))

@@ -13,7 +13,15 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from gpsim.environments import BatchedEnv, Episodes
 from gpsim.policies import Policy
-from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, event_log, falling, hidden_layers, note
+from gpsim.policies.training.sb3 import (
+    StableBaselinesEnv,
+    arrays,
+    event_log,
+    falling,
+    hidden_layers,
+    layers_of,
+    note,
+)
 from gpsim.policies.training.settings import (
     Checkpoints,
     LearningCurve,
@@ -55,42 +63,27 @@ def train_sac(
     )
     with event_log(events) as log:
         model.set_logger(log)
-        model.learn(settings.total_steps, callback=[_Sharpening(settings), judge])
+        model.learn(settings.total_steps, callback=judge)
         judge.judge()
     return judge.best, judge.curve(), judge.checkpoints()
 
 
 def _squashed_actor(model: SAC, scale: NDArray[np.float32]) -> Policy:
     """The last layer holds the mean's rows above the log spread's."""
-    state, weights = arrays(model.actor), {}
-    hidden = hidden_layers(state, "latent_pi.")
-    for i, prefix in enumerate(hidden):
-        weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
-        weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
+    state = arrays(model.actor)
     for part in ("weight", "bias"):
-        weights[f"layer.{len(hidden)}.{part}"] = np.concatenate(
-            [state[f"mu.{part}"], state[f"log_std.{part}"]]
-        )
+        state[f"last.{part}"] = np.concatenate([state[f"mu.{part}"], state[f"log_std.{part}"]])
+    weights = layers_of(state, [*hidden_layers(state, "latent_pi."), "last"])
     space = model.action_space
     assert isinstance(space, Box)
     return Policy(weights, scale, np.stack([space.low, space.high]).astype(np.float32), "relu")
 
 
-class _Sharpening(BaseCallback):
-    """Lets the target entropy fall near the end: exploration was for learning, and blurs what was learnt."""
-
-    def __init__(self, settings: SacSettings) -> None:
-        super().__init__()
-        self._settings = settings
-
-    def _on_step(self) -> bool:
-        assert isinstance(self.model, SAC)
-        self.model.target_entropy = self._settings.entropy_at(self.num_timesteps)
-        return True
-
-
 class _Judge(BaseCallback):
-    """Evaluates in the training simulator now and then and keeps the best policy."""
+    """Evaluates in the training simulator now and then and keeps the best policy.
+
+    It lets the target entropy fall near the end: exploration was for learning, and blurs what was learnt.
+    """
 
     best: Policy
 
@@ -109,6 +102,8 @@ class _Judge(BaseCallback):
         self._returns: list[tuple[int, float, int]] = []
 
     def _on_step(self) -> bool:
+        assert isinstance(self.model, SAC)
+        self.model.target_entropy = self._settings.entropy_at(self.num_timesteps)
         if self.num_timesteps >= (len(self._rows) + 1) * self._settings.checkpoint_every:
             self.judge()
         return True
@@ -155,10 +150,8 @@ class _Judge(BaseCallback):
 
     def curve(self) -> LearningCurve:
         """Returns in training between the checkpoints."""
-        steps, means, episodes = zip(*self._returns, strict=True)
-        return LearningCurve(np.array(steps), np.array(means), np.array(episodes))
+        return LearningCurve(*map(np.array, zip(*self._returns, strict=True)))
 
     def checkpoints(self) -> Checkpoints:
         """Every evaluation."""
-        steps, score, success, length = zip(*self._rows, strict=True)
-        return Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
+        return Checkpoints(*map(np.array, zip(*self._rows, strict=True)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,14 @@ def hidden_layers(state: Mapping[str, NDArray[np.float32]], start: str) -> list[
     """The names of the hidden layers below `start`, in order."""
     names = {k.rsplit(".", 1)[0] for k in state if k.startswith(start)}
     return sorted(names, key=lambda name: int(name.rsplit(".", 1)[1]))
+
+
+def layers_of(
+    state: Mapping[str, NDArray[np.float32]], names: Sequence[str]
+) -> dict[str, NDArray[np.float32]]:
+    """Weights and biases of layers, as a `Policy` names them."""
+    parts = ("weight", "bias")
+    return {f"layer.{i}.{part}": state[f"{name}.{part}"] for i, name in enumerate(names) for part in parts}
 
 
 class StableBaselinesEnv(VecEnv):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,25 +37,23 @@ class PpoSettings:
     ent_coef: float = 0.0
     hidden: Sequence[int] = (64, 64)  # tanh units, for the actor and for the critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
-    reward_scale: float = (
-        1.0  # rewards are multiplied by it while training; a critic learns small targets faster
-    )
-    expert_rounds: int = (
-        0  # of expert iteration that follow (gpsim/policies/training/expert_iteration.py); 0: none
-    )
+    reward_scale: float = 1.0  # of rewards while training: a critic learns small targets faster
+    expert_rounds: int = 0  # of expert iteration that follow (expert_iteration.py); 0: none
     expert_states: int = 6000  # that the expert is asked about in each
     expert_width: int = 16  # states that its search keeps
     expert_horizon: int = 30  # steps that it looks ahead
 
     def __post_init__(self) -> None:
-        _check(self, 1, "total_steps", "n_envs", "n_steps", "n_epochs")
-        _check(self, 2, "batch_size")  # advantages are scaled to unit variance, which one does not have
-        _check(self, 0, "ent_coef")
-        _check_positive(self, "learning_rate", "clip_range", "reward_scale")
-        _check_share(self, "gamma", "gae_lambda")
+        _check(self, "be at least 1", "total_steps", "n_envs", "n_steps", "n_epochs")
+        _check(
+            self, "be at least 2", "batch_size"
+        )  # advantages are scaled to unit variance, which one does not have
+        _check(self, "be at least 0", "ent_coef")
+        _check(self, "be positive", "learning_rate", "clip_range", "reward_scale")
+        _check(self, "lie in [0, 1]", "gamma", "gae_lambda")
         _check_layers(self.hidden)
-        _check(self, 0, "expert_rounds")
-        _check(self, 1, "expert_states", "expert_width", "expert_horizon")
+        _check(self, "be at least 0", "expert_rounds")
+        _check(self, "be at least 1", "expert_states", "expert_width", "expert_horizon")
         if self.expert_rounds and self.gamma == 1.0:
             raise ValueError(
                 "gamma must be below 1 where expert_rounds follow: they go by the critic's share"
@@ -87,18 +85,27 @@ class SacSettings:
     hidden: Sequence[int] = (64, 64)  # rectified units, for the actor and for each critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
     reward_scale: float = 1.0  # rewards are multiplied by it while training
-    checkpoint_every: int = (
-        10_000  # steps between evaluations in the training simulator, the best of which is kept
-    )
+    checkpoint_every: int = 10_000  # steps between evaluations in the simulator, the best of which is kept
     checkpoint_episodes: int = 200
     checkpoint_gamma: float = 0.995  # an evaluation's score is the mean return discounted by this a step
 
     def __post_init__(self) -> None:
-        _check(self, 1, "total_steps", "n_envs", "gradient_steps", "batch_size", "buffer_size", "n_step")
-        _check(self, 1, "action_repeat", "checkpoint_every", "checkpoint_episodes")
-        _check(self, 0, "learning_starts")
-        _check_positive(self, "learning_rate", "tau", "initial_entropy", "reward_scale", "checkpoint_gamma")
-        _check_share(self, "gamma", "tau", "checkpoint_gamma")
+        _check(
+            self,
+            "be at least 1",
+            "total_steps",
+            "n_envs",
+            "gradient_steps",
+            "batch_size",
+            "buffer_size",
+            "n_step",
+        )
+        _check(self, "be at least 1", "action_repeat", "checkpoint_every", "checkpoint_episodes")
+        _check(self, "be at least 0", "learning_starts")
+        _check(
+            self, "be positive", "learning_rate", "tau", "initial_entropy", "reward_scale", "checkpoint_gamma"
+        )
+        _check(self, "lie in [0, 1]", "gamma", "tau", "checkpoint_gamma")
         _check_layers(self.hidden)
         if not 0.0 < self.final_part <= 1.0:
             raise ValueError(f"final_part is {self.final_part}: it must be more than 0 and at most 1")
@@ -112,22 +119,19 @@ class SacSettings:
         return self.target_entropy + share * (self.final_entropy - self.target_entropy)
 
 
-def _check(settings: object, low: int, *names: str) -> None:
+RULES: Mapping[str, Callable[[float], bool]] = {
+    "be at least 0": lambda value: value >= 0,
+    "be at least 1": lambda value: value >= 1,
+    "be at least 2": lambda value: value >= 2,
+    "be positive": lambda value: value > 0,
+    "lie in [0, 1]": lambda value: 0 <= value <= 1,
+}
+
+
+def _check(settings: object, rule: str, *names: str) -> None:
     for name in names:
-        if not getattr(settings, name) >= low:
-            raise ValueError(f"{name} must be at least {low}, got {getattr(settings, name)}")
-
-
-def _check_positive(settings: object, *names: str) -> None:
-    for name in names:
-        if not getattr(settings, name) > 0:
-            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
-
-
-def _check_share(settings: object, *names: str) -> None:
-    for name in names:
-        if not 0 <= getattr(settings, name) <= 1:
-            raise ValueError(f"{name} must lie in [0, 1], got {getattr(settings, name)}")
+        if not RULES[rule](value := getattr(settings, name)):
+            raise ValueError(f"{name} must {rule}, got {value}")
 
 
 def _check_layers(hidden: Sequence[int]) -> None:
