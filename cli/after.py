@@ -28,7 +28,7 @@ Minutes = Annotated[float, typer.Option("--minutes", help="How long the plan may
 Anew = Annotated[
     bool,
     typer.Option(
-        "--anew", help="Somebody puts the machine back to rest before each piece: it need not return."
+        "--anew", help="You put the machine back to rest before each piece, so it need not return by itself."
     ),
 ]
 Policy = Annotated[
@@ -36,7 +36,7 @@ Policy = Annotated[
     typer.Option(
         "--policy",
         metavar="DIR",
-        help="A finished policy that steers the machine meanwhile: the plan is added to its commands.",
+        help="A trained policy that controls the machine; the plan is added to its commands.",
         autocompletion=completion.policies,
     ),
 ]
@@ -67,9 +67,7 @@ def plan_command(
     setup = replace(given, words=settings)
     setup.request()
     if not diagnoses:
-        raise UsageError(
-            "plan: name the DIAGNOSIS that left something open, as: gpsim plan found --minutes 2"
-        )
+        raise UsageError("plan: name the DIAGNOSIS to plan for, as: gpsim plan found --minutes 2")
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
@@ -89,7 +87,7 @@ What = Annotated[
     Path,
     typer.Argument(
         metavar="LOG|FOLDER",
-        help="A recording, a CSV that is being written, or a folder into which recordings come.",
+        help="A recording, a CSV file that is still being written, or a folder that receives recordings.",
     ),
 ]
 WatchWords = Annotated[
@@ -105,10 +103,12 @@ Log = Annotated[
     Path | None,
     typer.Option(
         "--log",
-        help="JSON lines, an object a recording; what it holds is not looked at again. Else LOG|FOLDER.watch.jsonl.",
+        help="JSON lines, one object per recording; recordings in it are skipped. Default: LOG|FOLDER.watch.jsonl.",
     ),
 ]
-Once = Annotated[bool, typer.Option("--once", help="Look at what is there and end, for a CI job or cron.")]
+Once = Annotated[
+    bool, typer.Option("--once", help="Check the existing recordings and exit, for a CI job or cron.")
+]
 WATCH_USED = ("watch", "experiment", "runs_dir")
 
 
@@ -137,7 +137,7 @@ def watch_command(
         found.append({k: v for k, v in said.to_dict().items() if k != "sums"})
     answer({"log": watch.log, "diagnosis": diagnosis}, holds=watch.holds, recordings=found)
     if not watch.holds:
-        say(f"the account no longer holds: diagnose again, and begin a new log ({watch.log})")
+        say(f"the account no longer holds: diagnose again, and start a new log ({watch.log})")
         raise typer.Exit(NO_LONGER_HOLDS)
 
 
@@ -146,7 +146,7 @@ Replay = Annotated[
     typer.Option(
         "--replay",
         metavar="LOG",
-        help="A log of the policy at work, read by collect.mapping, or a recording's folder; may be given again.",
+        help="A log of the policy in use, read with collect.mapping, or a recording folder; may be repeated.",
     ),
 ]
 
@@ -161,8 +161,8 @@ def deploy_command(*, replay: Replay = None, setup: Setup) -> None:
     request = setup.request()
     if not replay:
         raise UsageError(
-            "deploy: give --replay LOG to watch a recorded drive, or try the monitor on the stand-in with: "
-            "gpsim evaluate deploy.safe=true"
+            "deploy: give --replay LOG to watch a recorded drive, or try the monitor in simulation with: gpsim "
+            "evaluate deploy.safe=true"
         )
     # Imported here: what reads logs takes seconds to load, and `--help` should not wait for it.
     from gpsim.stages import evaluate_deployed

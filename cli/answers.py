@@ -27,7 +27,8 @@ SCHEMA = "gpsim.cli/1"
 NAME = "as_json"
 OPTION = "--json"
 AsJson = Annotated[
-    bool, typer.Option(OPTION, help="One JSON object on stdout: paths, verdict, figures; all else on stderr.")
+    bool,
+    typer.Option(OPTION, help="One JSON object on stdout: paths, verdict, figures; the rest on stderr."),
 ]
 NO_LONGER_HOLDS = 4  # exit code of a watch, which has a result then
 KINDS = {

@@ -18,7 +18,7 @@ from .everywhere import named, named_effects
 from .options import CORES, DryRun, Setup, launcher_of, refuse_launcher, say_made, split_words, spread
 from .progress import DIAGNOSIS, MUJOCO, Board, caution, note, warn
 
-COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
+COMPILES = "compiling the simulators for this machine: about a minute, only once"
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -31,8 +31,8 @@ RecordingWords = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING]... [KEY=VALUE]...",
-        help="A recording folder or a raw log file; none means the recording of the loop. Several recordings of one "
-        "machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
+        help="Recording folders or raw logs; by default the recording of the loop. Several recordings of one "
+        "machine get one account. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
         autocompletion=completion.diagnose_words,
     ),
 ]
@@ -40,7 +40,7 @@ SimulatorName = Annotated[
     str | None,
     typer.Option(
         "--simulator",
-        help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
+        help="A simulator, or your own system as FILE.py:ClassName; by default that of the recording.",
         autocompletion=completion.simulator_names,
     ),
 ]
@@ -48,7 +48,7 @@ MappingName = Annotated[
     str | None,
     typer.Option(
         "--mapping",
-        help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
+        help="For a raw log: the assignment of columns to channels, as the name of a mapping or a YAML file.",
         autocompletion=completion.mapping_names,
     ),
 ]
@@ -61,7 +61,7 @@ Effects = Annotated[
     typer.Option(
         "--effects",
         metavar="FILE.py[:Class]",
-        help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
+        help="Your own effects, tested together with the catalogue (`gpsim effects new`); may be repeated.",
     ),
 ]
 ScoreOf = Annotated[
@@ -70,14 +70,14 @@ ScoreOf = Annotated[
         "--score",
         metavar="DIAGNOSIS",
         autocompletion=completion.diagnoses,
-        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+        help="Evaluate this finished diagnosis on RECORDING instead of making a new one; nothing is fitted.",
     ),
 ]
 Each = Annotated[
     bool,
     typer.Option(
         "--each",
-        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
+        help="Diagnose each RECORDING, or each in a folder, separately, and compare them on one page.",
     ),
 ]
 Explain = Annotated[
@@ -146,7 +146,7 @@ def diagnose_command(
     from gpsim.stages.figures import diagnosis_figures, paths_of
 
     if recording is None and simulator is not None:
-        raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
+        raise UsageError("diagnose: --simulator needs a RECORDING; for the loop, use simulator=NAME")
     if log is not None:
         recording = _imported(log, config)
         answer({"recording": recording})
@@ -205,7 +205,8 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
         say(f"\nEvery hypothesis that was fitted: {RANKED}.")
         say_all(ranking(found))
         say(
-            "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."
+            "\nEvery decision: its gain in nats, the share of the remaining error that it removes, the rule, the "
+            "change."
         )
         say_all(trace_lines(read_trace(folder)))
 
@@ -225,7 +226,7 @@ def _score(
     from gpsim.stages.figures import paths_of, score_figures
 
     if recording is None:
-        raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+        raise UsageError("diagnose: --score DIAGNOSIS needs a RECORDING to evaluate it on")
     made = setup.make(score_stage(diagnosis, recording, simulator), out, dry_run, cores=cores)
     if made is None:
         return
@@ -244,9 +245,7 @@ def _raw(
     rest, of_log = _parted(settings)
     if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
         if mapping is not None:
-            raise UsageError(
-                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
-            )
+            raise UsageError(f"diagnose: --mapping is for raw logs; {recording} already defines its channels")
         return None, settings
     from gpsim.stages.raw_logs import RawLog, is_raw  # they take a second that others have no use for
 
@@ -274,14 +273,14 @@ def _imported(log: RawLog, config: dict[str, Any]) -> Path:
 
     artifact, _ = imported(Request(config), log, caution)
     warn(artifact.path)
-    note(f"recording: {artifact.path} (import_report.txt says what was kept)")
+    note(f"recording: {artifact.path} (import_report.txt lists the kept rows)")
     return artifact.path
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
 """What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
 INSTEAD = {
-    "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
+    "simulator": "--simulator NAME; parameters, integrator and dt come from its recording.yaml",
     "recording": "the RECORDING alone",
 }
 
@@ -294,8 +293,8 @@ def _refuse(settings: list[str]) -> None:
             raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
         if name not in USED:
             raise UsageError(
-                f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
-                "experiment, runs_dir"
+                f"diagnose: {word}: not used with a RECORDING; valid settings: seed, diagnose.episodes, experiment, "
+                "runs_dir"
             )
 
 
@@ -322,8 +321,8 @@ def _refuse_several(recordings: Sequence[Path], score: Path | None) -> None:
             below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
             if below:
                 raise UsageError(
-                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several to "
-                    "judge them together, or give --each"
+                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several for "
+                    "a common account, or use --each"
                 )
 
 
@@ -361,8 +360,8 @@ def _diagnose_each(
     _tell_fleet(found, places, simulator)
     if found.failed:
         raise UsageError(
-            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why, run the same "
-            "command to carry on"
+            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why. To continue, run "
+            "the same command again"
         )
 
 

@@ -70,7 +70,7 @@ def _with(function: Callable[..., Any], flags: Sequence[Flag], path: Path) -> Ca
 
 QUIET_NAME = "quiet"
 Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr: results and errors alone.")
+    bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr, only results and errors.")
 ]
 
 
@@ -84,7 +84,7 @@ QUIETLY = Flag(QUIET_NAME, Quiet, _hush)
 Trust = Annotated[
     bool,
     typer.Option(
-        "--trust", help="Run Python files and modules that recordings, mappings and diagnoses name."
+        "--trust", help="Allow the Python files and modules named in recordings, mappings and diagnoses."
     ),
 ]
 NAMING = ("system", "model")

@@ -24,7 +24,7 @@ Recorded = Annotated[
     Path,
     typer.Argument(
         metavar="PATH",
-        help="A recording folder, as `gpsim import` makes.",
+        help="A recording folder, as made by `gpsim import`.",
         autocompletion=completion.recordings,
     ),
 ]
@@ -54,17 +54,17 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
 Diagnosed = Annotated[
     Path, typer.Argument(metavar="DIR", help="A finished diagnosis, as runs/a/diagnose/v0001.")
 ]
-Mcap = Annotated[bool, typer.Option("--mcap", help="As MCAP, for Foxglove: the one format there is.")]
+Mcap = Annotated[bool, typer.Option("--mcap", help="Write MCAP for Foxglove, the only format.")]
 OutFile = Annotated[
     Path | None, typer.Option("--out", help="The file to make, DIR.mcap by default; it must not exist.")
 ]
 Where = Annotated[
     Path | None,
-    typer.Option("--recording", help="Where the recording lies now, if it has moved since it was diagnosed."),
+    typer.Option("--recording", help="Present path of the recording, if it was moved."),
 ]
 Horizon = Annotated[
     float | None,
-    typer.Option("--horizon", metavar="SECONDS", help="Of every rollout; as in the diagnosis by default."),
+    typer.Option("--horizon", metavar="SECONDS", help="Length of a rollout; default: as in the diagnosis."),
 ]
 
 
@@ -78,7 +78,7 @@ def diagnosis_command(
 ) -> None:
     """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
     if not mcap:
-        raise UsageError("export diagnosis: say in which format: --mcap, which Foxglove opens")
+        raise UsageError("export diagnosis: name the format: --mcap, for Foxglove")
     from gpsim.stages.export_diagnosis import export_diagnosis
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
@@ -90,13 +90,13 @@ def diagnosis_command(
 OutModel = Annotated[
     Path,
     typer.Option(
-        "--out", help="The model to make, as robot_corrected.xml; wrapper, diff and patch.json lie beside it."
+        "--out", help="The new model, as robot_corrected.xml; wrapper, diff and patch.json go beside it."
     ),
 ]
 
 
 AsUrdf = Annotated[
-    bool, typer.Option("--urdf", help="As URDF, too, beside it; what that cannot hold is listed.")
+    bool, typer.Option("--urdf", help="Also write URDF; the command lists what URDF cannot express.")
 ]
 
 
@@ -126,7 +126,7 @@ WithMonitor = Annotated[
     bool,
     typer.Option(
         "--monitor",
-        help="With the monitor of a safe deployment for the node; settings say which: experiment=limo.",
+        help="Add the monitor of a safe deployment to the node; settings select it: experiment=limo.",
     ),
 ]
 
@@ -147,7 +147,7 @@ def policy_command(
 
     if words and not monitor:
         raise UsageError(
-            f"export policy: settings, such as {words[0]}, are of --monitor; add it or leave them out"
+            f"export policy: settings such as {words[0]} belong to --monitor; add it or remove them"
         )
     watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
     notes = export_policy(path, out, watched)
@@ -158,9 +158,7 @@ def policy_command(
 
 OutMotion = Annotated[
     Path | None,
-    typer.Option(
-        "--out", help="Save a Rerun file (.rrd), which must not exist, instead of opening the viewer."
-    ),
+    typer.Option("--out", help="Save a new Rerun file (.rrd) instead of opening the viewer."),
 ]
 
 
@@ -180,5 +178,5 @@ def view_command(
             shown = subprocess.run([sys.executable, "-m", "rerun", str(made)], capture_output=True)
             if shown.returncode:
                 raise UsageError(
-                    "view: Rerun's viewer does not open here; --out FILE.rrd saves for elsewhere: rerun FILE.rrd"
+                    "view: Rerun's viewer cannot open here; save with --out FILE.rrd and view elsewhere: rerun FILE.rrd"
                 )

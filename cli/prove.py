@@ -26,24 +26,26 @@ prove_app = typer.Typer(
     cls=LauncherWords,
     invoke_without_command=True,
     help=(
-        "Make machines with hidden defects, diagnose them blind, reveal the truth and score; or one of these steps. "
-        "Settings of the launcher say where it runs, such as launcher=slurm launcher.queue=main."
+        "Make machines with hidden defects, diagnose them blind, reveal the truth and score; or run one of these "
+        "steps. Settings of the launcher select where it runs, such as launcher=slurm launcher.queue=main."
     ),
 )
 Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
 Rough = Annotated[
-    int, typer.Option("--rough", min=0, help="How many worlds with the defects of real logs to add.")
+    int, typer.Option("--rough", min=0, help="Number of worlds to add with the defects of real logs.")
 ]
 Machines = Annotated[
     int,
-    typer.Option("--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."),
+    typer.Option(
+        "--machines", min=0, help="Number of whole machines to add (axes, rigs, servos, cars, arms)."
+    ),
 ]
 Robots = Annotated[
     int,
     typer.Option(
         "--robots",
         min=0,
-        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
+        help="With --system mjcf: number of whole robots to add, with friction and rotor inertia at every joint.",
     ),
 ]
 Floating = Annotated[
@@ -51,13 +53,13 @@ Floating = Annotated[
     typer.Option(
         "--floating",
         min=0,
-        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
+        help="With --system mjcf: number of quadrotors, boats, hoppers and quadrupeds to add.",
     ),
 ]
 Curves = Annotated[
     int,
     typer.Option(
-        "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+        "--curves", min=0, help="Number of worlds to add with a law of one input that no family contains."
     ),
 ]
 Plans = Annotated[
@@ -65,11 +67,11 @@ Plans = Annotated[
     typer.Option(
         "--plan",
         min=0,
-        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+        help="Number of worlds to add that test plans: does a plan decide sooner than a chirp?",
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
-Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the worlds; 1 to 99 are for tuning.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder of the blind test; finished trials in it are kept.")]
 Strata = Annotated[
     list[str] | None,
     typer.Option(
@@ -81,7 +83,7 @@ Strata = Annotated[
 System = Annotated[
     str | None,
     typer.Option(
-        "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
+        "--system", help="mjcf: robots whose simulator is a MuJoCo model, instead of the other worlds."
     ),
 ]
 Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
@@ -91,11 +93,11 @@ Answers = Annotated[
     Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
 ]
 MISSES = {
-    "rough": "{} of {} rough worlds not right in all, listed in the page",
-    "machines": "{} of {} machines not right in all, listed in the page",
-    "whole": "{} of {} whole robots not right in all, listed in the page",
-    "afloat": "{} of {} that float or stand not right in all, listed in the page",
-    "curves": "{} of {} laws of no family not right in all, listed in the page",
+    "rough": "{} of {} rough worlds not completely right, listed in the page",
+    "machines": "{} of {} machines not completely right, listed in the page",
+    "whole": "{} of {} whole robots not completely right, listed in the page",
+    "afloat": "{} of {} floating or legged robots not completely right, listed in the page",
+    "curves": "{} of {} laws outside the catalogue not completely right, listed in the page",
     "plans": "{} of {} worlds for plans missed",
     "mjcf": "{} misses of {} robots, listed in the page",
 }
@@ -126,16 +128,16 @@ class Worlds:
         others = self.rough, self.machines, self.curves, self.plan
         if self.system not in (None, prove.MJCF):
             raise UsageError(
-                f"--system {self.system}: there is mjcf, and without the option the worlds that gpsim simulates"
+                f"--system {self.system}: unknown; use mjcf, or omit the option for worlds that gpsim simulates"
             )
         if self.system and (any(others) or not self.long):
             raise UsageError(
-                "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
-                "leave --rough, --machines, --curves, --plan and --no-long out"
+                "--system mjcf: its worlds cannot be combined with --rough, --machines, --curves, --plan and "
+                "--no-long"
             )
         for option, count in (("--robots", self.robots), ("--floating", self.floating)):
             if count and not self.system:
-                raise UsageError(f"{option}: such robots are worlds of --system mjcf; say that, too")
+                raise UsageError(f"{option}: such robots need --system mjcf; add it")
         if self.system:
             return prove.robots_numbers(self.trials, self.stratum or (), self.robots, self.floating)
         return prove.numbers_of(self.trials, self.stratum or (), self.long, *others)
@@ -146,7 +148,7 @@ class Worlds:
 def prove_command(
     *,
     context: typer.Context,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the proof; it is resumed.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the blind test.")] = None,
     worlds: Worlds,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -155,7 +157,7 @@ def prove_command(
         return
     if out is None:
         raise UsageError(
-            "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
+            "prove: name the folder with --out DIR; single steps: gpsim prove conceal | diagnose | reveal"
         )
     _conceal(context, out, worlds)
     diagnose_command(context, out, worlds.jobs)
@@ -172,8 +174,8 @@ def _refuse_options(context: typer.Context, step: str) -> None:
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
-                f"prove: {'/'.join([*option.opts, *option.secondary_opts])} stands before the step; "
-                f"options go behind it: gpsim prove {step} ..."
+                f"prove: {'/'.join([*option.opts, *option.secondary_opts])} is before the step; put options after it: "
+                f"gpsim prove {step} ..."
             )
 
 

@@ -161,7 +161,7 @@ Swept = Annotated[
         help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
     ),
 ]
-Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
+Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all its inputs.")]
 
 
 def sweep_command(
@@ -186,7 +186,7 @@ def sweep_command(
         return
     with Board(len(plan.jobs)) as board:
         artifact, missing = grid.run(plan, launcher, board.update, board.made, board.failed)
-    note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
+    note(f"columns of the table: the varied settings, the figures of {of}, sha256, error")
     made = {"table": grid.CSV, "parquet": grid.PARQUET, "report": grid.PAGE}
     paths = {name: artifact.path / file for name, file in made.items()}
     say(f"sweep: {paths['report']}, {paths['parquet']}")
@@ -194,7 +194,7 @@ def sweep_command(
     answer({"folder": artifact.path} | paths, swept=list(points[0].swept))
     if missing:
         raise UsageError(
-            f"{missing} of {len(points)} points failed; the table says why, run the same command to carry on"
+            f"{missing} of {len(points)} points failed; the table says why. To continue, run the same command again"
         )
 
 
@@ -202,8 +202,8 @@ Plan = Annotated[
     Path | None,
     typer.Option(
         "--plan",
-        help="Play this finished plan of `gpsim plan` on the target; or, of a file that is not there, only write the "
-        "sweep's commands to it, for a robot to play.",
+        help="Play this finished plan of `gpsim plan` on the target. If the file does not exist, only write "
+        "the commands of the sweep to it, for a robot to play.",
     ),
 ]
 
@@ -222,7 +222,7 @@ def collect_command(*, setup: Setup, out: Out = None, plan: Plan = None, dry_run
 
         run_stage(play_stage(plan), setup, out, dry_run)
     elif dry_run:
-        raise UsageError("collect: --dry-run goes with a recording, not with --plan, which makes none")
+        raise UsageError("collect: --dry-run cannot be combined with --plan, which makes no recording")
     else:
         from gpsim.stages.collect import write_plan
 
@@ -235,17 +235,17 @@ PANEL = "Stages, in order"
 LOOP = {
     "train-source": (
         "Train a policy in the base simulator.",
-        "variant=source|randomised|target: the base simulator, the same with its parameters randomised, the target.",
+        "variant=source|randomised|target: the base simulator, the same with random parameters, or the target.",
     ),
     "build-residuals": (
         "Subtract the prediction from the recording, rate by rate.",
-        "recording=DIR takes another recording than the one that `collect` made.",
+        "recording=DIR uses another recording than that of `collect`.",
     ),
     "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
     "train-gp-policy": (
         "Train a policy in the corrected simulator.",
-        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does; "
-        "robustness=posterior draws each episode from what a diagnosis leaves open.",
+        "correction=gp|effects|effects+gp selects the correction, prediction=mean|sample the use of the Gaussian "
+        "process; robustness=posterior draws a simulator per episode from the posterior of the diagnosis.",
     ),
     "certify": ("Search which starts of the evaluation can be solved.", ""),
     "evaluate": (

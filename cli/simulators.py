@@ -28,7 +28,7 @@ Name = Annotated[
     str,
     typer.Argument(
         metavar="SIMULATOR",
-        help="A registered one, FILE.py:ClassName, robot.xml, robot.urdf, FILE.py:function or gym:ID.",
+        help="A built-in one, FILE.py:ClassName, robot.xml, robot.urdf, FILE.py:function or gym:ID.",
     ),
 ]
 MOST = 12  # pairs that are told
@@ -72,9 +72,7 @@ def check_command(name: Name) -> None:
     named(name)
     simulator = open_simulator(name)
     if not isinstance(simulator, MjcfSimulator):
-        raise UsageError(
-            f"{name}: `check` is for MuJoCo models; `gpsim diagnose` tries equations of your own by itself"
-        )
+        raise UsageError(f"{name}: `check` is for MuJoCo models; `gpsim diagnose` checks your own equations")
     facts, tried = declared(simulator), checked(simulator, np.random.default_rng(0))
     _tell(facts)
     _tell_checked(tried)
@@ -106,7 +104,7 @@ def _tell_checked(facts: Checked) -> None:
     if not facts.confusable:
         say("confusable   nothing, where all joints move")
         return
-    say("confusable (cosine of what they change):")
+    say("hard to separate (cosine of their effects):")
     for one, other, alike in facts.confusable[:MOST]:
         say(f"  {alike:.3f}  {one} and {other}")
     if len(facts.confusable) > MOST:
@@ -192,10 +190,11 @@ def check_effect(
     name: Own,
     simulator: Annotated[str | None, typer.Option("--simulator", help="Where it is tried.")] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="The law alone: no world is made and diagnosed.")
+        bool,
+        typer.Option("--quick", help="Test the law only, without simulating and diagnosing a recording."),
     ] = False,
     keep: Annotated[
-        Path | None, typer.Option("--keep", help="Write the world's recording to this folder.")
+        Path | None, typer.Option("--keep", help="Write the simulated recording to this folder.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the world.")] = 0,
 ) -> None:
@@ -210,7 +209,7 @@ def check_effect(
         wrong += bool(check.wrong)
         say(f"{check.question:32} {check.wrong or 'yes'}")
     if wrong:
-        raise UsageError(f"{brought.reference}: {wrong} of the checks above failed in law")
+        raise UsageError(f"{brought.reference}: {wrong} of the checks above failed for the law")
     bring([brought])
     model, on = systems_for(brought, simulator)
     if keep is not None:
@@ -223,7 +222,7 @@ def check_effect(
     if quick:
         answer(effect=brought.effect.family, right=True)
         return
-    note(f"a world of {model.name} with it is made and diagnosed twice: some tens of seconds")
+    note(f"a world of {model.name} with it is simulated and diagnosed twice: some tens of seconds")
     found = recovered(brought, model, on, seed)
     _tell_recovered(found)
     answer(effect=brought.effect.family, right=found.right, recovered=asdict(found))
@@ -233,7 +232,7 @@ def _tell_recovered(found: Recovered) -> None:
     sizes = ", ".join(f"{name} {got:.4g} of {true:.4g}" for name, (true, got) in found.sizes.items())
     told = f"{found.verdict}: {', '.join(found.said) or 'nothing'}{f' ({sizes})' if sizes else ''}"
     say(f"{'recovered from a world with it':32} {'yes, ' if found.right else 'no, '}{told}")
-    others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % of that world without it"
+    others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % without it"
     say(f"{'confusable with':32} {others if found.confusable else f'nothing: {others}'}")
 
 

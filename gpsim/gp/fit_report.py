@@ -56,7 +56,7 @@ _ADVICE: dict[tuple[str, str], tuple[str, bool]] = {
         True,
     ),
     ("signal_std", "upper"): (
-        "the RBF term acts as a polynomial; predictions between the data are loose.",
+        "the RBF term acts as a polynomial; predictions between the data are uncertain.",
         False,
     ),
     ("lengthscales", "lower"): (
@@ -65,15 +65,15 @@ _ADVICE: dict[tuple[str, str], tuple[str, bool]] = {
     ),
     ("lengthscales", "upper"): ("the RBF term ignores this input.", True),
     ("linear_stds", "lower"): ("the linear term ignores this input.", True),
-    ("linear_stds", "upper"): ("the slope along this input is barely bounded by the prior.", False),
+    ("linear_stds", "upper"): ("the prior hardly limits the slope along this input.", False),
     ("bias_std", "lower"): ("the bias is switched off (the targets are centred already).", True),
-    ("bias_std", "upper"): ("the offset is barely bounded by the prior.", False),
+    ("bias_std", "upper"): ("the prior hardly limits the offset.", False),
     ("noise_std", "lower"): (
-        "this is the noise floor: the data look noise-free to the GP, so the noise is a choice of the bounds "
-        "and not an estimate, and samples scatter by the latent variance almost alone.",
+        "this is the noise floor: the data look noise-free to the GP, so the noise is set by its bound and is not "
+        "an estimate, and samples scatter almost only by the latent variance.",
         False,
     ),
-    ("noise_std", "upper"): ("the noise swallows the targets: the inputs explain nothing.", False),
+    ("noise_std", "upper"): ("all of the targets count as noise: the inputs explain nothing.", False),
 }
 
 

@@ -127,7 +127,7 @@ class TrainingData:
         data = TrainingData._of(inputs, targets, average_replicates)
         if data.counts.size > MOST_ROWS:
             raise TooManyRowsError(
-                f"{data.counts.size} distinct inputs; an exact Gaussian process takes at most {MOST_ROWS}: fit a "
+                f"{data.counts.size} distinct inputs; an exact Gaussian process allows at most {MOST_ROWS}: fit a "
                 "subsample"
             )
         return data

@@ -31,7 +31,7 @@ def ros_node(
     """
     if policy.bounds is None or policy.bounds.shape != (2, 2) or len(policy.scale) != 2:
         raise UsageError(
-            "only policies that drive a vehicle to a goal have a ROS node; this one takes no goal in the plane"
+            "only policies that drive a vehicle to a goal have a ROS node; this one has no goal in the plane"
         )
     return Template(_NODES[ros]).substitute(
         rate=f"{rate:g}",

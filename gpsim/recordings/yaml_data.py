@@ -44,7 +44,7 @@ def read_yaml(path: Path, where: str = "") -> Any:
     except OSError as error:
         raise unreadable(path, error) from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"{where or path}: not readable as YAML: it is no UTF-8 text") from error
+        raise UsageError(f"{where or path}: not readable as YAML: it is not UTF-8 text") from error
     try:
         return parse_yaml(text)
     except YamlError as error:
@@ -120,17 +120,17 @@ class _Checks:
         if id(node) in self._sizes:
             known = self._sizes[id(node)]
             if known is None:
-                raise YamlError(f"{_line(node.start_mark)}an alias (*name) stands inside of what it repeats")
+                raise YamlError(f"{_line(node.start_mark)}an alias (*name) contains itself")
             return known
         self._sizes[id(node)] = None
         self._written += 1
         if self._plain and node.tag not in _PLAIN:
             kind = one_line(node.tag, 60)
-            raise YamlError(f"{_line(node.start_mark)}{kind} is no plain value; write text, numbers, lists")
+            raise YamlError(f"{_line(node.start_mark)}{kind} is not a plain value; use text, numbers, lists")
         total = 1 + sum(self.size(part) for part in _parts(node, plain=self._plain))
         if total - self._written > MOST_REPEATED:
             raise YamlError(
-                f"{_line(node.start_mark)}aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
+                f"{_line(node.start_mark)}aliases (*name) expand to more than {MOST_REPEATED} values; write them out"
             )
         self._sizes[id(node)] = total
         return total
@@ -157,7 +157,7 @@ def _parts(node: yaml.Node, *, plain: bool) -> Iterator[yaml.Node]:
                 raise YamlError(f"{where}a list or a table cannot be a key")
             if key.value in lines:
                 first = lines[key.value]
-                raise YamlError(f"{where}key '{one_line(key.value, 60)}' is there already, in line {first}")
+                raise YamlError(f"{where}duplicate key '{one_line(key.value, 60)}', already in line {first}")
             lines[key.value] = line
             node.value[place] = (yaml.ScalarNode(_TEXT, key.value), value)
             yield node.value[place][0]

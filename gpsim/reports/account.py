@@ -55,13 +55,13 @@ HERE = "DIR"
 """What stands for the diagnosis's folder, where that is not known."""
 JUDGED: Mapping[JudgedOn, str] = {
     "held-out rollouts": "",
-    "cross-fitted rollouts": " (cross-fitted: too little is held out)",
+    "cross-fitted rollouts": " (cross-fitted, because too little is held out)",
     "fit windows": " (on its own training data: held-out rollouts show no mismatch)",
 }
 """What a share is of, where that is not what anybody would expect."""
 LEADS: Mapping[Leads, str] = {
     "likeliest": "the table shows the likeliest",
-    "simplest": "the table shows the simplest of those within odds of 10 to 1",
+    "simplest": "the table shows the simplest explanation within odds of 10 to 1",
 }
 TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
 """Simulators in which gpsim trains policies, and which experiment does."""
@@ -157,13 +157,9 @@ def _verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> 
     """What follows the verdict's name."""
     verdict, found = diagnosis.verdict, diagnosis.explained
     if verdict == "none" and diagnosis.remainder.structured:
-        return (
-            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
-        )
+        return "no relevant physics is missing: the rest is not random, but rollouts stay within the noise."
     if verdict == "none":
-        return (
-            "nothing is missing that this recording could show: simulator and recording differ by noise only."
-        )
+        return "the recording shows no missing physics: simulator and recording differ by noise only."
     if verdict == "unknown":
         if found.rollout is None or not found.rollout.share > 0.0:
             return "something is missing, and no effect of the catalogue explains it on held-out data."
@@ -176,11 +172,11 @@ def _verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> 
     else:
         said += f" {share_text(found.rollout)} of the mismatch{JUDGED[found.judged_on]}"
     if verdict == "named" and diagnosis.alternatives:
-        return f"{said}; other explanations that fit as well differ in small corrections only."
+        return f"{said}; other explanations of equal quality differ only in small corrections."
     if verdict == "named":
         return f"{said}; no other explanation does as well."
     if verdict == "ambiguous":
-        return f"{said}, but these data cannot tell it apart from {_others(diagnosis, headline)}."
+        return f"{said}, but these data cannot separate it from {_others(diagnosis, headline)}."
     return f"{said}{_but(diagnosis, headline)}."
 
 
@@ -195,13 +191,13 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         return "; the rest is unexplained: the corrected simulator helps, but is not complete"
     strange = [effect_name(e) for e in headline if e.implausible]
     if "implausible" in doubts and strange:
-        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
+        return f", but the size of {strange[0]} is implausible: it probably imitates another effect"
     if bent:
         law = f"the law of {bent[0]} holds" if len(bent) == 1 else f"{len(bent)} of the laws hold"
         return f", but {law} only approximately: trust its curve in the report more than its size"
     if measured:
         them = "it is a curve" if len(headline) == 1 else f"{listed(measured)} is a curve"
-        return f"; {them} that no law of the catalogue follows"
+        return f"; {them} that match no law of the catalogue"
     if "black box" in doubts:
         return ", but a black-box model predicts much better: some physics is still missing"
     if "no claim" in doubts:
@@ -339,7 +335,7 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
 def _next(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> tuple[str, ...]:
     """One decision. What is named is used: a recording that would make its account sharper is optional."""
     if diagnosis.verdict == "none":
-        return ("train in the simulator as it is: it needs no correction",)
+        return ("train in the base simulator: it needs no correction",)
     further = _further(diagnosis, headline)
     if diagnosis.verdict == "named" and further:
         return "use it: no further recording is needed", f"optional: {further}"
@@ -361,10 +357,10 @@ def _further(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         of = parameters_of(diagnosis.combinations[0])
         return f"measure {of} on its own: motion alone fixes only a combination"
     if held:
-        return f"record more of what {held[0]} does: its size is at the limit of the search"
+        return f"record motion with more influence of {held[0]}: its size is at the limit of the search"
     vague = max(headline, key=_vagueness, default=None)
     if vague is not None and _vagueness(vague) > VAGUE:
-        return f"record more of what {effect_name(vague)} does: its size is known least well"
+        return f"record motion with more influence of {effect_name(vague)}: its size is the least certain"
     return ""
 
 
@@ -375,12 +371,12 @@ def _where_it_moves(diagnosis: Diagnosis) -> str:
         names = listed(list(map(spelled, inputs)))
         its, it = ("its", "it") if len(inputs) == 1 else ("their", "them")
         return (
-            f"record {names} over {its} whole range, in one slow sweep and one fast sweep: what is missing changes "
-            f"with {it}"
+            f"record {names} over {its} whole range, in one slow sweep and one fast sweep: the missing physics "
+            f"depends on {it}"
         )
     if diagnosis.explained.judged_on != "held-out rollouts":
-        return "record for longer: there was too little held-out data to judge what is left"
-    return "record slow and fast sweeps of every command: no measured channel predicts what is left"
+        return "record for longer: there is too little held-out data to evaluate the rest"
+    return "record slow and fast sweeps of every command: no measured channel predicts the rest"
 
 
 def _vagueness(effect: NamedEffect) -> float:
@@ -421,9 +417,9 @@ def differences(diagnosis: Diagnosis) -> list[str]:
         return []
     names = [recording.name for recording in recordings]
     told = [_difference(effect, names) for effect in diagnosis.effects if effect.own]
-    told = told or ["nothing that was looked for: one account serves all recordings"]
+    told = told or ["no differences found: one account fits all recordings"]
     if len(recordings) > MOST:
-        return [*told, "how much of each recording is explained: a column each in report.html"]
+        return [*told, "how much of each recording is explained: one column per recording in report.html"]
 
     def share(part: Share | None) -> str:
         return "nothing to explain" if part is None else f"{percent(part.share)} %"
@@ -488,11 +484,11 @@ def _change(effect: NamedEffect, names: Sequence[str]) -> str:
 def recordings_sheet(diagnosis: Diagnosis) -> Sheet:
     """A column a recording; no rows where there is one alone."""
     recordings = diagnosis.recordings or ()
-    note = "Errors: root mean square at the end of rollouts, of the base → with the account."
+    note = "Errors: root mean square at the end of rollouts, base → with the account."
     if any(recording.from_others is not None for recording in recordings):
         note += (
-            " From the others: the account with what all other recordings say, on the whole of this one; what its own "
-            "sensors add stays its own."
+            " From the others: the account fitted to all other recordings, evaluated on all of this one, with its "
+            "own sensor offsets."
         )
     heads = ("", *(recording.name for recording in recordings))
     return sheet("Recordings", heads, _rows(diagnosis, recordings) if recordings else (), note=note)

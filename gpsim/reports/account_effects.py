@@ -225,4 +225,4 @@ def beyond(curve: MeasuredCurve) -> str:
     """What to record where nothing else is left: where the curve was never measured."""
     low, high = curve.visited
     reach = f"[{low:.3g}, {high:.3g}] {curve.input_unit}"
-    return f"record {shortened(curve.input)} beyond {reach}, if you need it there: the curve is held, which is a guess"
+    return f"record {shortened(curve.input)} beyond {reach}, if you need that range: the curve ends there"

@@ -329,8 +329,7 @@ def calibration_sheet(report: LoopReport) -> Sheet:
         ("Rate", "Data", *heads, "Predicted std", "Error (rms)", "Negative log likelihood"),
         rows,
         labels=2,
-        note="Below the nominal share the GP is too sure of itself, above it too cautious."
-        + _averaged(report),
+        note="Below the nominal share, the GP is overconfident; above it, too cautious." + _averaged(report),
     )
 
 
@@ -366,7 +365,7 @@ def rollout_sheet(report: LoopReport) -> Sheet:
         if known(count) and count:
             many = f"{count:.0f} rollouts" if float(count).is_integer() else f"{count:.1f} rollouts a seed"
             many = "1 rollout" if count == 1 else many
-            notes.append(f"{name}: {many} ceased to be finite, and count as infinitely far.")
+            notes.append(f"{name}: {many} diverged, and count as infinitely far.")
     heads = ("Simulator", *(with_unit(name, report.units) for name in channels))
     return sheet(title, heads, rows, note=" ".join(notes).strip())
 

@@ -49,26 +49,26 @@ def told(facts: Mapping[str, Any]) -> list[str]:
         f"{facts['minutes']:.2g} minutes in {len(facts['pieces'])} pieces, one command every {facts['dt']:g} s."
     ]
     if facts["anew"]:
-        lines.append("Before each piece the machine is put back to rest by hand; each is an episode.")
+        lines.append("The machine is reset by hand before each piece, and each piece is an episode.")
     if facts["dithers"]:
         lines.append(
-            "A policy steers meanwhile: what is played is its command plus the plan's, within the limits."
+            "A policy controls the machine: its command plus that of the plan is played, within the limits."
         )
     if not pairs:
-        lines.append("There is one explanation: the plan is for its parameters.")
+        lines.append("There is only one explanation, so the plan is for its parameters.")
     for pair in pairs:
         who = f"{pair['first']} and {pair['second']}"
-        wanted = "; ".join(pair["sensors"]) or "a quantity of which they say something different"
+        wanted = "; ".join(pair["sensors"]) or "a quantity for which they differ"
         others = ", ".join(f"{kind} {nats:.3g}" for kind, nats in pair["fixed"].items())
         others += f", the old recording {pair['recorded']:.2g}"
         lines.append(
             f"{who} differ by {pair['a_minute']:.3g} nats a minute ({others})."
             if pair["separated"]
-            else f"No command that was tried separates {who} ({pair['nats']:.2g} nats); measure {wanted}."
+            else f"None of the tested commands separates {who} ({pair['nats']:.2g} nats); measure {wanted}."
         )
     lines.append(
-        f"Of {safety['draws']} draws of all posteriors {safety['left']} left the box less {safety['margin']:.0%} at "
-        f"each side, or did not come back to rest: a chance of at most {percent(safety['most'])} (90 %)."
+        f"Of {safety['draws']} draws of all posteriors {safety['left']} left the box (minus {safety['margin']:.0%} on "
+        f"each side), or did not return to rest: a probability of at most {percent(safety['most'])} (90 %)."
     )
     return lines
 
@@ -77,10 +77,10 @@ MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; } img { max-width: 100%; }
 """
 NOTE = (
-    "Nats are what the explanation that is not true loses in log likelihood after its parameters have moved to where "
-    "they mimic the true one best, as far as the first recording lets them; 2.3 nats are odds of ten. The noise is "
-    "that of the first recording. A fixed excitation is as large as is safe in each piece; of the old recording it is "
-    "the log odds that it gave."
+    "Nats are the log likelihood that a false explanation loses after its parameters were adjusted, within the "
+    "limits of the first recording, to mimic the true one; 2.3 nats are odds of ten. The noise is that of the first "
+    "recording. A fixed excitation has the largest safe amplitude in each piece. For the old recording, nats are its "
+    "log odds."
 )
 
 

@@ -182,7 +182,7 @@ def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
         )
         for wanted, said in verdicts.items()
     )
-    return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
+    return sheet(f"{title}: right verdict (rows) and reported verdict (columns)", ("", *VERDICTS), rows)
 
 
 def _figures(group: Json, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
@@ -215,7 +215,7 @@ def goals_sheet(content: Json) -> Sheet:
         return GOALS[name].label, goal["wanted"], got, bounds, _counted(part, key, block)
 
     return sheet(
-        "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
+        "Goals, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", INTERVAL, "count"),
         (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
@@ -262,8 +262,8 @@ def shares_sheet(content: Json) -> Sheet:
             for label, part in parts.items()
             if part
         ),
-        note=f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, and are left out of the shares "
-        "of which less is better: false alarms, wrong names, undecided worlds",
+        note=f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, but not for false alarms, "
+        f"wrong names and undecided worlds",
     )
 
 
@@ -274,8 +274,8 @@ def medians_sheet(content: Json) -> Sheet:
         "region, IoU": (location.get("iou"), "median"),
         "onset, error over the recording's duration": (location.get("onset_error"), "median"),
         "parameters, error over the value": (parameters, "median_relative_error"),
-        "parameters, error over what it changes": (parameters, "median_error_of_effect"),
-        "held-out error over the true model's own": (content.get("fit"), "median"),
+        "parameters, error relative to their effect": (parameters, "median_error_of_effect"),
+        "held-out error relative to the true model": (content.get("fit"), "median"),
     }
     rows = (
         (
@@ -299,10 +299,10 @@ def rivals_sheet(content: Json) -> Sheet:
         for words, r in found
     )
     return sheet(
-        "Held-out one-step error over the true model's own, worst rate",
+        "Held-out one-step error relative to the true model, worst rate",
         ("", "worlds", "median ratio", INTERVAL, "% within 1.1", INTERVAL),
         rows,
-        note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
+        note="all worlds with a mismatch, visible or not, including those outside the catalogue",
     )
 
 
@@ -323,8 +323,8 @@ def plan_sheets(content: Json) -> list[Sheet]:
     )
     note = (
         f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations of "
-        f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted to "
-        "both, the right one ahead by odds above ten"
+        f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted "
+        "to both, the right one ahead by odds above ten"
     )
     columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
     return [sheet("The next recording", columns, rows, note=note)]
@@ -337,7 +337,7 @@ def namers_sheet(content: Json) -> Sheet:
         "Namers, where PySINDy's library holds the truth",
         ("", "worlds", "% right", INTERVAL),
         ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in NAMERS.items() if k in found),
-        note="mechanical systems with every effect a term of its library and acting everywhere, visible or not",
+        note="mechanical systems with every effect in its library and acting everywhere, visible or not",
     )
 
 

@@ -60,8 +60,8 @@ def effects_sheet(diagnosis: Diagnosis) -> Sheet:
         for effect in diagnosis.effects
     )
     note = (
-        "Share: of the mismatch in rollouts (Shapley). Needed: what the account explains less without it, all others "
-        f"fitted anew. Odds beyond {MANY:.0e} are not counted. All with 90 % intervals."
+        "Share: part of the mismatch in rollouts (Shapley value). Needed: the loss without the effect, with all "
+        f"others fitted again. Odds above {MANY:.0e} are not distinguished. All with 90 % intervals."
     )
     return sheet("Effects", EFFECTS, rows, labels=2, note=note)
 
@@ -96,13 +96,13 @@ def _said(diagnosis: Diagnosis) -> Iterator[str]:
     found, remainder = diagnosis.explained, diagnosis.remainder
     if diagnosis.effects:
         chance = f"{diagnosis.effects[0].probability:.3g}"
-        yield f"Probability of the explanation among all that were fitted and not refused: {chance}."
+        yield f"Probability of the explanation, among all fitted ones that were not rejected: {chance}."
     if found.rollout is not None:
         every = shares({"all": found.rollout, **found.channels})
         yield f"Explained in rollouts, judged on {found.judged_on}: {every}."
     if found.one_step:
-        yield f"Explained one step ahead, which decides nothing: {shares(found.one_step)}."
-    yield f"What is left: p = {number(remainder.p_value, 2)} that noise alone looks like it."
+        yield f"Explained one step ahead, for information only: {shares(found.one_step)}."
+    yield f"The rest: p = {number(remainder.p_value, 2)} for noise alone."
     if remainder.gp is not None and not remainder.gp.used and diagnosis.verdict != "none":
         yield f"No Gaussian process on what is left: {remainder.gp.why_not}."
     for name, errors in diagnosis.fit.one_step.items():
@@ -137,7 +137,7 @@ def score_lines(score: Score) -> list[str]:
         between = "" if low is None or high is None else f" ({100 * low:.0f} to {100 * high:.0f})"
         said.append(f"the effects explain {100 * worth.share:.0f} %{between} of the mismatch here")
     if score.thinned > 1:
-        said.append(f"one of {score.thinned} samples was read, commands averaged between")
+        said.append(f"one of {score.thinned} samples was used, with averaged commands")
     if score.without_gp:
         said.append(f"no Gaussian process: {score.without_gp}")
     return said

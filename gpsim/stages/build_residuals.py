@@ -37,7 +37,7 @@ def recipe(request: Request) -> Recipe:
     folder = Path(str(given))
     if not folder.is_dir():
         raise UsageError(
-            f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes"
+            f"recording={folder}: no such folder; give a recording folder made by `gpsim import`"
         )
     if (folder / MANIFEST).is_file():
         return Recipe("build-residuals", config, {"recording": read_artifact(folder)}, {"seed": request.seed})
@@ -88,7 +88,7 @@ def check_same(recording: Recording, base: SimulatorPlant) -> None:
         raise UsageError(
             "the recording is compared with another simulator than this experiment's: choose "
             + " ".join(wanted)
-            + ", or import it at this one's pace and with its parameters (collect.changes=[...])"
+            + ", or import it with the time step and parameters of this one (collect.changes=[...])"
         )
 
 
@@ -139,7 +139,7 @@ def notes(artifact: Artifact) -> list[str]:
     rows = meta["rows"]
     lost = rows.get("over_a_gap", 0)
     left_out = (
-        f"; {lost} over {LONGEST_STEP:g} control steps left out: rows are missing there" if lost else ""
+        f"; {lost} over {LONGEST_STEP:g} control steps left out, because rows are missing" if lost else ""
     )
     return [f"{rows['training']} training and {rows['test']} test transitions{left_out}"] + [
         f"{name}: residual {meta['residual_std'][name]:.3g} {unit}, measured {meta['measured_std'][name]:.3g} (std)"

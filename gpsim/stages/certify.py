@@ -61,7 +61,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         return {}
     if not isinstance(target, FrictionCartPole):
         raise UsageError(
-            "certify: only a cart-pole's starts can be searched; choose target=friction or sticking"
+            "certify: only the starts of a cart-pole can be searched; choose target=friction or sticking"
         )
     # The target's own parameters: the search must not depend on what the simulator believes.
     g, half = target.parameters["gravity"], target.parameters["pole_half_length"]
@@ -95,7 +95,7 @@ def notes(artifact: Artifact) -> list[str]:
     lines = [f"{int(table['certified'].sum())} of {len(table)} starts can be solved"]
     if "certified_in_arena" in table:
         lines.append(
-            f"{int(table['certified_in_arena'].sum())} if the edge of the training arena ended an episode"
+            f"{int(table['certified_in_arena'].sum())} if an episode ended at the edge of the training arena"
         )
     return lines
 

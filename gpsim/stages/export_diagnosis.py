@@ -52,7 +52,7 @@ def export_diagnosis(
     out = out or place.with_name(f"{place.name}.{form}")
     new_place(out)
     if artifact.path.resolve() in out.resolve().parents:
-        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+        raise UsageError(f"{out}: is inside the diagnosis, which is never changed; choose another --out")
     if horizon is not None and not 0 < horizon < np.inf:
         raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
     found = diagnose.read_diagnosis(folder)
@@ -90,22 +90,22 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
     config = artifact.manifest["config"]
     if diagnose.RECORDINGS in config:
         raise UsageError(
-            f"{artifact.path}: judges several recordings together, and one is shown at a time: diagnose that one alone"
+            f"{artifact.path}: is about several recordings, but only one can be shown: diagnose that one separately"
         )
     told = read_timings(artifact.path).get(diagnose.RECORDING)  # where nobody wrote it down, none
     place = recording or (Path(told) if isinstance(told, str) else None)
     if place is None:
         raise UsageError(
-            f"{artifact.path}: does not say where its recording lies; name it with --recording PATH"
+            f"{artifact.path}: does not contain the path of its recording; name it with --recording PATH"
         )
     if not place.exists():
-        raise UsageError(f"{place}: the recording is not there; say with --recording PATH where it lies now")
+        raise UsageError(f"{place}: the recording was not found; give its present path with --recording PATH")
     task = diagnose.Task(place, str(config["simulator"]), config.get("episodes"))
     there = diagnose.digests_of(task, place if place.is_dir() else place.parent)
     if sorted(there.values()) != sorted(config["recording"].values()):
         raise UsageError(
-            f"{place}: not the recording that {artifact.path} diagnosed, or changed since; "
-            "name that one with --recording PATH, or diagnose this one"
+            f"{place}: not the recording of {artifact.path}, or changed since; name the right one with --recording "
+            "PATH, or diagnose this one"
         )
     return diagnose.open_recording(task)[0]
 
@@ -126,9 +126,9 @@ def _notes(
         f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
     ]
     if along.every > 1:
-        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
+        notes.append(f"simulated at one sample in {along.every}, as in the diagnosis")
     if not found.effects:
-        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
+        notes.append(f"no effect was found (verdict {found.verdict}): /corrected is the base")
     if not drawn:
-        notes.append(f"numbers only: nobody knows the shape of {simulator}, so no body is drawn")
+        notes.append(f"numbers only: the shape of {simulator} is unknown, so no body is drawn")
     return notes

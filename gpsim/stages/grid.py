@@ -106,7 +106,7 @@ def _plan(request: Request, of: str) -> tuple[list[Job], str]:
     else:
         found = [job for job in plan if job.stage == of]
         if not found:
-            raise UsageError(f"sweep --of {of}: the loop has no such job with these settings")
+            raise UsageError(f"sweep --of {of}: the loop has no such stage with these settings")
         target = found[-1]
     wanted, ahead = {target.label}, [target.label]
     while ahead:

@@ -40,10 +40,10 @@ def write_survives(folder: Path, drawn: PosteriorPlant) -> None:
         "explanations": [_facts(explanation, total) for explanation in drawn.explanations],
     }
     write_json(folder / SURVIVES, plain(content))
-    lines = ["# What this policy was trained to survive", "", *survival_lines(folder), ""]
+    lines = ["# What this policy was trained for", "", *survival_lines(folder), ""]
     lines += [
-        "Each episode of its training drew one of these explanations, and its sizes with their correlations.",
-        "Outside of that nothing was tried: a machine that is none of these is no part of what it survives.",
+        "Each training episode drew one of these explanations, and its sizes with their correlations.",
+        "Nothing outside these ranges was tested. The policy may fail on a machine outside them.",
         "",
     ]
     (folder / PAGE).write_text("\n".join(lines), encoding="utf-8")
@@ -107,7 +107,7 @@ def read_policy(folder: Path) -> Policy:
         return Policy.from_arrays(arrays, metadata)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
-            f"{folder}: not a policy that this version reads: {type(error).__name__}: {error}"
+            f"{folder}: not a policy that this version can read: {type(error).__name__}: {error}"
         ) from error
 
 
@@ -145,7 +145,7 @@ def read_gp(folder: Path, channels: Channels) -> tuple[Predictor, Features]:
         predictor, inputs = from_arrays(arrays, metadata), metadata["inputs"]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
-            f"{folder}: not a Gaussian process that this version reads: {type(error).__name__}: {error}"
+            f"{folder}: not a Gaussian process that this version can read: {type(error).__name__}: {error}"
         ) from error
     if "features" in metadata:  # earlier versions wrote texts alone
         inputs = [Feature.from_json(item) for item in metadata["features"]]

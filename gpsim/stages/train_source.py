@@ -75,7 +75,7 @@ def tracking_remarks(request: Request) -> list[str]:
     if not tracks(request):
         return []
     place = request.store.root / request.store.experiment / FOLDER
-    return [f"event files of what was trained: tensorboard --logdir {place}"]
+    return [f"event files of the training: tensorboard --logdir {place}"]
 
 
 VARIANTS = ("source", "randomised", "target")

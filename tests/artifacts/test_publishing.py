@@ -43,7 +43,7 @@ def test_parents_are_part_of_the_key(store):
 
 
 def test_a_setting_that_json_does_not_know_is_one_line():
-    with pytest.raises(UsageError, match="fit-gp: a setting is neither number, text, .*; quote dates"):
+    with pytest.raises(UsageError, match="fit-gp: a setting must be a number, text, .*; quote dates"):
         _ = recipe(day=datetime.date(2026, 1, 31)).key
 
 

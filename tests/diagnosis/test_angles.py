@@ -45,10 +45,10 @@ def asked(recording, settings=None):
         (
             (DEGREES, DEGREES),
             0.0,
-            r"^theta and theta_dot seem to be in degrees: read so, the simulator explains",
+            r"^theta and theta_dot seem to be in degrees: with that, the simulator explains",
         ),
-        ((1.0, 1.0), math.pi, r"^theta seems to be counted from 180 degrees away: read so"),
-        ((1.0, 1.0), -math.pi, r"^theta seems to be counted from 180 degrees away: read so"),
+        ((1.0, 1.0), math.pi, r"^theta seems to have an offset of 180 degrees: read so"),
+        ((1.0, 1.0), -math.pi, r"^theta seems to have an offset of 180 degrees: read so"),
     ],
 )
 def test_an_angle_that_is_not_what_it_says_is_asked_for_first(factors, shift, said):

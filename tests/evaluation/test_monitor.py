@@ -100,7 +100,7 @@ def test_noise_that_the_recording_lacks_is_usual():
 
 def test_a_recording_without_two_samples_in_a_row_says_nothing():
     lonely = Episode("0", np.array([0.0, 1.0]), np.zeros((2, 2)), np.zeros((1, 1)))
-    with pytest.raises(UsageError, match="no two samples in a row"):
+    with pytest.raises(UsageError, match="no two consecutive samples"):
         usual_errors(PLANT, [lonely], SLIDER.state, np.zeros(2), MonitorSettings(), np.random.default_rng(0))
 
 

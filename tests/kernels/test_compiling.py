@@ -38,7 +38,7 @@ def test_where_the_package_may_not_be_written_to_it_is_kept_in_the_users_cache(
 
 def closed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The package may not be written to."""
-    (tmp_path / "__pycache__").write_text("a file, no folder")
+    (tmp_path / "__pycache__").write_text("a file, not a folder")
     monkeypatch.setattr(compiling, "ROOM", tmp_path)
 
 
@@ -47,7 +47,7 @@ def temporary(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A temporary folder of all users', the only place that may be written to."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     closed(monkeypatch, tmp_path)
-    (tmp_path / "cache").write_text("a file, no folder")
+    (tmp_path / "cache").write_text("a file, not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     made = tmp_path / "tmp"
     made.mkdir()

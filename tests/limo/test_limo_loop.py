@@ -66,7 +66,7 @@ def test_a_bag_as_the_target_runs_what_it_can_and_says_why_not_the_rest(finished
     words = ["target=recording", f"collect.source={bag}", "evaluate.policies=[Source,GP-Mean,Target]"]
     ended = run_loop(tmp_path, *words)
     assert ended.returncode == 0, ended.stderr
-    assert "layer 3 is left out" in ended.stdout
+    assert "returns are left out" in ended.stdout
     summary = json.loads((tmp_path / ended.stdout.splitlines()[-1]).read_text())
     assert "returns_all" not in summary
     assert {"v", "w"} <= set(summary["one_step"])
@@ -84,7 +84,7 @@ def test_an_imported_recording_as_the_target_is_not_collected_again(finished, tm
     assert subprocess.run([*LOOP[:3], *words], cwd=tmp_path, capture_output=True, check=False).returncode == 0
     ended = run_loop(tmp_path, "target=recording", "recording=drive", "evaluate.policies=[Source,GP-Mean]")
     assert ended.returncode == 0, ended.stderr
-    assert "layer 3 is left out" in ended.stdout
+    assert "returns are left out" in ended.stdout
     assert not list(tmp_path.glob("runs/limo/collect"))
     manifest = json.loads((tmp_path / "runs/limo/report/v0001/manifest.json").read_text())
     assert manifest["parents"]["recording"]["stage"] == "import"

@@ -134,7 +134,7 @@ def test_a_stand_in_that_was_not_recorded_is_said_to_be_measured(drive, tmp_path
     assert measured_on(asked()) is None
     for words in ([f"recording={drive}"], ["collect.source=my.bag"]):
         assert "target=recording" in str(measured_on(asked(*words)))
-        assert str(measured_on(asked(*words))).startswith("the stand-in limo, not on what was recorded")
+        assert str(measured_on(asked(*words))).startswith("the simulated target limo, not on the recording")
         assert measured_on(asked(*words, "target=recording")) is None
     bare = tmp_path / "bare"
     bare.mkdir()

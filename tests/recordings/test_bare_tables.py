@@ -105,7 +105,7 @@ def test_a_table_may_lack_a_state_of_a_built_in_simulator(swing):
 
 @pytest.mark.parametrize("near", ["Torque", "torque_", "torqe"])
 def test_a_slip_of_the_pen_is_no_missing_command(swing, near):
-    with pytest.raises(UsageError, match=f"torque missing; '{near}' is like it"):
+    with pytest.raises(UsageError, match=f"torque missing; '{near}' is similar"):
         open_recording(Task(swing(**{near: np.zeros(50)}), "pendulum"))
     with pytest.raises(UsageError, match="column\\(s\\) torque missing for pendulum"):
         read_logs([swing(**{near: np.zeros(50)})], None, ["system=pendulum"])

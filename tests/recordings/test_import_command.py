@@ -101,7 +101,7 @@ def test_a_proposal_is_written_into_a_new_file_only(cartpole_log, tmp_path):
     assert "no such folder" in refused(
         "--inspect", cartpole_log, "--write-mapping", tmp_path / "no" / "m.yaml"
     )
-    assert "goes with --inspect" in refused(cartpole_log, "--write-mapping", tmp_path / "n.yaml")
+    assert "needs --inspect" in refused(cartpole_log, "--write-mapping", tmp_path / "n.yaml")
 
 
 def test_a_table_without_a_known_time_column_asks_for_it(tmp_path):

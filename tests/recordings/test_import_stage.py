@@ -86,7 +86,7 @@ def test_an_episode_column_and_several_files_make_episodes(tmp_path):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "no --mapping; `gpsim import --inspect` .*my_system.py:ClassName.*or say system=NAME"),
+        ([], "no --mapping; `gpsim import --inspect` .*my_system.py:ClassName.*or use system=NAME"),
         (["system=cartpol"], "no simulator 'cartpol'; there are: cartpole"),
         (["system=cartpole", "rat=3"], "did you mean 'rate'"),
         (["system=cartpole", "velocities.methd=savgol"], "did you mean 'method'"),
@@ -117,7 +117,7 @@ def test_wrong_mapping_files_end_in_one_line(cartpole_log, tmp_path, content, te
     with pytest.raises(UsageError, match=text) as caught:
         import_log([cartpole_log], tmp_path / "out", str(tmp_path / "mine.yaml"))
     assert "\n" not in str(caught.value)
-    with pytest.raises(UsageError, match="neither a file nor one of: cascaded_tanks, dart_csv"):
+    with pytest.raises(UsageError, match="no such file or built-in mapping; known: cascaded_tanks, dart_csv"):
         import_log([cartpole_log], tmp_path / "out", "nothing")
 
 

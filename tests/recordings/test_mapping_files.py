@@ -73,8 +73,8 @@ def changed(path, value):
         (["system"], "?", r"still '\?' at system; fill in"),
         (["state", "x", "unit"], "?", r"still '\?' at state\.x\.unit; fill in"),
         (["time"], {"field": "?"}, r"still '\?' at time\.field"),
-        (["action"], {"t": {"field": "a", "unit": "N"}}, "action: no channel can be called 't'"),
-        (["action"], {"episode": {"field": "a", "unit": "N"}}, "no channel can be called 'episode'"),
+        (["action"], {"t": {"field": "a", "unit": "N"}}, "action: a channel must not be called 't'"),
+        (["action"], {"episode": {"field": "a", "unit": "N"}}, "a channel must not be called 'episode'"),
         (["action"], {"a\nb": {"field": "a", "unit": "N"}}, r"name 'a b' holds a line break .*\('\\n'\)"),
         (["action"], {" ": {"field": "a", "unit": "N"}}, "is empty"),
         (["action"], {"a" * 201: {"field": "a", "unit": "N"}}, "has 201 characters; the limit is 200"),
@@ -88,7 +88,7 @@ def test_wrong_mappings_end_in_one_line_with_the_alternatives(path, value, text)
 
 def test_a_rate_cannot_be_limited_where_no_row_holds_the_channel():
     raw = changed(["state", "v"], {"derivative_of": "x", "unit": "m/s"})
-    with pytest.raises(UsageError, match=r"checks\.max_rate\.v: v is made from x.*limit x"):
+    with pytest.raises(UsageError, match=r"checks\.max_rate\.v: v is computed from x.*limit x"):
         parse_mapping({**raw, "checks": {"max_rate": {"v": 3.0}}})
 
 

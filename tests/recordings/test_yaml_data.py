@@ -21,15 +21,15 @@ MULTIPLYING = "\n".join(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("rate: 5\nstate: 1\nrate: 6", "line 3: key 'rate' is there already, in line 1"),
-        ("a: {b: 1, 'b': 2}", "line 1: key 'b' is there already"),
-        ("1: a\n'1': b", "line 2: key '1' is there already"),
-        ("a: &a [1, *a]", "line 1: an alias .* stands inside of what it repeats"),
-        ("a: &a {b: {c: *a}}", "inside of what it repeats"),
-        (MULTIPLYING, f"repeat more than {MOST_REPEATED} values"),
-        ("a: !!python/object/apply:os.getcwd []", "line 1: .*os.getcwd.* is no plain value"),
-        ("a: !!binary aGk=", "is no plain value"),
-        ("a: !!set {b, c}", "is no plain value"),
+        ("rate: 5\nstate: 1\nrate: 6", "line 3: duplicate key 'rate', already in line 1"),
+        ("a: {b: 1, 'b': 2}", "line 1: duplicate key 'b', already"),
+        ("1: a\n'1': b", "line 2: duplicate key '1'"),
+        ("a: &a [1, *a]", "line 1: an alias .* contains itself"),
+        ("a: &a {b: {c: *a}}", "contains itself"),
+        (MULTIPLYING, f"expand to more than {MOST_REPEATED} values"),
+        ("a: !!python/object/apply:os.getcwd []", "line 1: .*os.getcwd.* is not a plain value"),
+        ("a: !!binary aGk=", "is not a plain value"),
+        ("a: !!set {b, c}", "is not a plain value"),
         ("base: &b {c: 1}\nd: {<<: *b}", "line 2: the key << takes in another table"),
         ("? [a, b]\n: 1", "cannot be a key"),
         ("[" * 3000, "nested too deeply"),
@@ -98,5 +98,5 @@ def test_recording_yaml_is_read_as_safely(tmp_path):
     with pytest.raises(UsageError, match=r"recording\.yaml: line \d+: aliases"):
         read_recording(tmp_path)
     (tmp_path / "recording.yaml").write_text("system: cartpole\ndt: 0.1\nstate: {x: m}\ndt: 0.2\n")
-    with pytest.raises(UsageError, match=r"recording\.yaml: line 4: key 'dt' is there already, in line 2"):
+    with pytest.raises(UsageError, match=r"recording\.yaml: line 4: duplicate key 'dt', already in line 2"):
         read_recording(tmp_path)

@@ -85,9 +85,9 @@ def test_every_hypothesis_says_why_it_is_not_the_account_and_a_better_one_why_it
         "chosen", "refused", "refused", "not ruled out", "costs more", "fits worse", "On the windows", "given up",
     ]  # fmt: skip
     for row, word in zip(rows, ends, strict=True):
-        assert word in row or row.startswith("Given up in the search")
+        assert word in row or row.startswith("Rejected during the search")
     assert "(held-out data are no better with load_friction on x)" in rows[1]
-    assert "(this file does not say why)" in rows[2]
+    assert "(this file gives no reason)" in rows[2]
 
 
 def test_on_a_narrow_screen_tables_stack_and_each_number_says_what_it_is():

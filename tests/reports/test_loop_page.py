@@ -192,7 +192,7 @@ def test_the_starts_of_a_goal_are_certified_by_geometry(make_report: Make) -> No
         goals = to_goals(report)
         titles = " ".join(sheet.title for sheet in (*success_sheets(goals), *return_sheets(goals)))
         assert "action sequences" not in titles
-        assert "geometry of arcs and straights certifies" in titles
+        assert "geometry of arcs and lines certifies" in titles
 
 
 def test_curves_of_a_goal_are_not_counted_in_steps(make_report: Make) -> None:
@@ -234,13 +234,13 @@ def test_what_was_judged_and_measured_on_reads_as_a_sentence(
 
 @pytest.mark.parametrize(
     ("count", "said"),
-    [(3.0, "3 rollouts ceased"), (1, "1 rollout ceased"), (0.6, "0.6 rollouts a seed ceased")],
+    [(3.0, "3 rollouts diverged"), (1, "1 rollout diverged"), (0.6, "0.6 rollouts a seed diverged")],
 )
 def test_rollouts_that_ran_away_are_counted_in_whole_ones(make_report: Make, count: float, said: str) -> None:
     rollout = make_report().summary["rollout"]
     source = {**rollout["Source"], "not_finite": count}
     report = summed(make_report(), rollout={**rollout, "Source": source})
-    assert f"Source: {said} to be finite" in rollout_sheet(report).note
+    assert f"Source: {said}" in rollout_sheet(report).note
 
 
 def test_what_lies_outside_the_recording_is_said_and_much_of_it_is_a_warning(make_report: Make) -> None:

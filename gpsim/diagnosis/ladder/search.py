@@ -541,7 +541,7 @@ class Search:
         if strange:
             return f"no machine has {strange[0]} of that size"
         if unusual:
-            return f"{unusual[0]} takes too little of what is left"
+            return f"{unusual[0]} removes too little of the remaining error"
         return (
             f"held-out data are no better with {names[0]}" if names else "held-out data are no better with it"
         )
@@ -567,7 +567,9 @@ class Search:
             gone = Quadratic(self.account).taken_away(prices, [not s for s in slight])
             if not gone:
                 return
-            self.say("is a crumb of its joint's forces", True, *(laws[g.index].name for g in gone))
+            self.say(
+                "is a negligible part of the forces of its joint", True, *(laws[g.index].name for g in gone)
+            )
             adapted = placed(self.account.hypothesis, gone[-1].z)
             self.account = self.without(self.account, [g.index for g in gone], adapted, CLOSE)
 

@@ -83,9 +83,7 @@ class LogFactSettings:
         "11 standard deviations of white noise, of which none is ever an outlier", least=1,
     )  # fmt: skip
     longest_repeat: int = setting(12, "samples", "that one value may be repeated by an accident", least=1)
-    angles: bool = setting(
-        True, "yes or no", "ask whether an angle is in degrees, or counted from 180 degrees away"
-    )
+    angles: bool = setting(True, "yes or no", "test whether an angle is in degrees, or offset by 180 degrees")
 
 
 @dataclass(frozen=True)
@@ -128,7 +126,7 @@ class LawSettings:
     )
     hidden: float = setting(
         10.0, "1", "times what a law gains, that it gains by the noise it leaves: then that one judges it",
-        "a mismatch that is large makes its own noise",
+        "a large mismatch counts as noise itself",
     )  # fmt: skip
     robot_leaves: float = setting(
         0.2,

@@ -39,7 +39,7 @@ class ActuatorGain(ActuatorEffect):
             0.25,
             4.0,
             "1",
-            "torque constants are within 10 % (data sheets), gears and units are mistaken by a factor of two or three",
+            "torque constants are within 10 % (data sheets), wrong gears and units give a factor of two or three",
         )
     }
 
@@ -63,7 +63,7 @@ class ActuatorBias(ActuatorEffect):
     function_of = "command"
     needs = "nothing"
     order = 70
-    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded")}
+    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is smaller than the commands")}
 
     @staticmethod
     def law(u: Each, bias: Each) -> Each:
@@ -105,7 +105,7 @@ class ActuatorDeadBand(ActuatorEffect):
     """  # noqa: E501
 
     family = "actuator_dead_band"
-    sentence = "{on} acts with {width} less than its commanded size, and below that not at all"
+    sentence = "{on} loses {width} of every command, and ignores smaller commands"
     function_of = "command"
     order = 21
 
@@ -130,7 +130,7 @@ class ActuatorSaturation(ActuatorEffect):
     function_of = "command"
     order = 30
     plausible = {
-        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can")
+        "limit": Plausible(0.1, np.inf, "size", "by reason: commands do not exceed ten times the limit")
     }
 
     @staticmethod
@@ -152,7 +152,7 @@ class ActuatorAsymmetry(ActuatorEffect):
 
     family = "actuator_asymmetry"
     sentence = (
-        "{on} acts with {gain_positive} times a positive command and {gain_negative} times a negative one"
+        "{on} acts with {gain_positive} times positive commands and {gain_negative} times negative commands"
     )
     function_of = "command"
     order = 50
@@ -187,7 +187,7 @@ class BatterySag(ActuatorEffect):
     drifts = True
     plausible = {
         "loss_per_second": Plausible(
-            0.0, 1.0, "1 / reach", "by reason: a battery that is empty at the end of the recording"
+            0.0, 1.0, "1 / reach", "by reason: the battery is empty at the end of the recording"
         )
     }
 
@@ -338,7 +338,7 @@ class ClockDrift(LateEffect):
 
     family = "clock_drift"
     noun = "clock drift"
-    sentence = "the clock of {on} is slow by {drift}, so that commands come later and later"
+    sentence = "the clock of {on} is slow by {drift}, so commands are increasingly late"
     gated = False
     drifts = True
     holds = False
@@ -386,11 +386,11 @@ class TorqueSpeedLimit(DriveEffect):
 
     family = "torque_speed_limit"
     noun = "torque-speed line"
-    sentence = "{on} gives {stall} at standstill, and less the faster it turns: none at {no_load_speed}"
+    sentence = "{on} gives {stall} at standstill, decreasing with speed to zero at {no_load_speed}"
     plausible = {
         "stall": Plausible(0.1, np.inf, "size", "as a saturation"),
         "no_load_speed": Plausible(
-            0.5, np.inf, "speed", "by reason: nobody drives a motor at twice its no-load speed"
+            0.5, np.inf, "speed", "by reason: a motor is never driven at twice its no-load speed"
         ),
     }
 
@@ -422,7 +422,7 @@ class FlexibleCoupling(ElasticDrive):
 
     family = "flexible_coupling"
     noun = "flexible coupling"
-    sentence = "{on} turns its load through a spring ({stiffness}) and a damper ({damping}), with a motor of {inertia}"
+    sentence = "{on} drives its load through a spring ({stiffness}) and a damper ({damping}), motor {inertia}"
     takes = dict.fromkeys(("stiffness", "damping", "inertia"), np.nan)
     asked = False  # three numbers and ringing: lags, delays and sprung masses look like it
     of_robots = True

@@ -86,7 +86,7 @@ class Bag1(Walk):
         fields = _fields(source.read(position + 4, length))
         op = fields.get(b"op", b"")
         if len(op) != 1:
-            raise DamageError("a record does not say its kind")
+            raise DamageError("a record has no kind")
         (size,) = _U32.unpack(source.read(position + 4 + length, 4))
         return Record(op[0], position, position + 8 + length, size, fields)
 

@@ -97,13 +97,13 @@ class Ledger:
 
 def refusal(path: Path, where: str, reason: str) -> UsageError:
     """The error for damage that nothing can be read behind."""
-    return UsageError(f"{path}: {where}: {one_line(reason)}; copy the file again or record anew")
+    return UsageError(f"{path}: {where}: {one_line(reason)}; copy the file again, or make a new recording")
 
 
 def wrong_kind(path: Path, kind: str, why: str) -> UsageError:
     """The error for a file that is not what its name promises."""
     said = f"{path}: byte 0: not {kind} ({why})"
-    return UsageError(f"{said}; name the file by its kind, or export the log again")
+    return UsageError(f"{said}; use the usual file extension, or export the log again")
 
 
 def regular_file(path: Path) -> int:
@@ -164,7 +164,7 @@ def expand_message(data: bytes, limit: int) -> bytes:
     """One zstd-compressed message of at most `limit` bytes."""
     made, reason = _decompress(data, "zstd", limit)
     if len(made) > limit:
-        reason = f"a compressed message makes more than {limit} bytes"
+        reason = f"a compressed message expands to more than {limit} bytes"
     if reason is not None:
         raise DamageError(reason)
     return made

@@ -86,9 +86,7 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
     types = _parse(stream) if stream.format != "none" else _types_of(Stores(f"ros2_{distro}"))
     if stream.type not in types:
         source = "the bag's definition" if stream.format != "none" else f"ROS 2 {distro}"
-        raise DamageError(
-            f"type {one_line(stream.type, 80)} is not in {source}; name the distribution it belongs to"
-        )
+        raise DamageError(f"type {one_line(stream.type, 80)} is not in {source}; name its distribution")
     types = _reachable(types, stream.type)
     nodes = check_types(types, stream.type)
     store = get_typestore(Stores.EMPTY)

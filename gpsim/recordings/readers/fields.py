@@ -138,7 +138,7 @@ def _segments(text: str) -> list[tuple[int | None, str, str | None]]:
 
 def _field(here: Any, name: str, types: Types, text: str) -> Any:
     if here[0] != Nodetype.NAME:
-        raise PathError(f"{text}: '{name}' is asked of {_name(here)}, which has no fields")
+        raise PathError(f"{text}: {name} has no fields, so it has no '{_name(here)}'")
     names = dict(types[here[1]][1])
     if name not in names:
         close = difflib.get_close_matches(name, names, 3, 0.4) or list(names)[:12]
@@ -179,7 +179,7 @@ def _conditions(where: str, element: Any, types: Types, text: str) -> tuple[tupl
         for name in key.strip().split("."):
             here = _field(here, name, types, text)
         if here[0] != Nodetype.BASE:
-            raise PathError(f"{text}: {key.strip()} is not a plain value; it is {_name(here)}")
+            raise PathError(f"{text}: {key.strip()} is not a single value; it is {_name(here)}")
         attributes = ".".join(normalize_fieldname(name) for name in key.strip().split("."))
         found.append((attributes, value.strip()))
     return tuple(found)

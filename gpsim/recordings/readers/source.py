@@ -157,7 +157,7 @@ class Budget:
         """Note a chunk that makes `count` bytes."""
         self._bytes += count
         if self._bytes > self._most_bytes:
-            self._refuse(f"make more than {self._most_bytes} bytes of messages")
+            self._refuse(f"expand to more than {self._most_bytes} bytes of messages")
         if not count:
             self.empty()
 
@@ -165,7 +165,7 @@ class Budget:
         """Note a chunk or a record in which there is nothing."""
         self._empty += 1
         if self._empty > self._most_empty:
-            self._refuse(f"hold more than {self._most_empty} chunks and records with nothing in them")
+            self._refuse(f"contain more than {self._most_empty} empty chunks and records")
 
     def record(self) -> None:
         """Note a record that is no message."""
