@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hydra import compose, initialize_config_module
 from hydra.core.config_search_path import ConfigSearchPath
@@ -124,8 +124,7 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
     """Name the settings beside the one that does not exist, and the nearest."""
     from gpsim.diagnosis.settings import GONE, gone  # it loads NumPy, which `--help` does not wait for
 
-    found = _KEY.match(word)
-    assert found is not None
+    found = cast(re.Match[str], _KEY.match(word))
     key, node = found.group(1), _composed_without(word, words)
     parts = key.split(".")
     for depth, part in enumerate(parts):
@@ -138,6 +137,9 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             if where == "diagnose" and not meant and (old := difflib.get_close_matches(part, GONE, n=1)):
                 return f"no setting '{key}'; {gone(old[0])}"
             hint = f" (did you mean {'.'.join([*parts[:depth], meant[0]])}?)" if meant else ""
-            return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
+            there = (
+                f"{where} has: {', '.join(known) or 'none'}" if where else "--show-config lists all settings"
+            )
+            return f"no setting '{key}'{hint}; {there}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

@@ -82,7 +82,7 @@ def test_help_lists_the_stages_in_order(gpsim):
         (["collect", "collect.source=nowhere.bag"], "error: nowhere.bag: no such file or folder"),
         (
             ["run", "full-loop", "polcy.gamma=1"],
-            "error: no setting 'polcy.gamma' (did you mean policy?); the top level has:",
+            "error: no setting 'polcy.gamma' (did you mean policy?); --show-config lists all settings",
         ),
         (["evaluate", "evaluate.policies=[Best]"], "error:"),
         (

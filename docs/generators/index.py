@@ -12,11 +12,15 @@ process learns the rest. You get a corrected simulator in which to train policie
 
 ![The account of a cart on a track: dry friction and an actuator delay are missing](images/diagnosis.png)
 
-    gpsim diagnose data/cart.csv --simulator cartpole       # a log -> which physics is missing, how large, how certain
-    gpsim run full-loop experiment=cartpole                 # the whole loop: record, diagnose, train, compare
+    gpsim diagnose data/cart.csv --simulator cartpole       # a log -> the missing physics, with sizes
+    gpsim run full-loop experiment=cartpole                 # the loop: record, diagnose, train, compare
 
 Start with [a first diagnosis in ten minutes](tutorial/first_diagnosis.md), or look at
-[a gallery of accounts](gallery.md), right and wrong. [The comparison with other methods](method/peers.md) and the
+[a gallery of accounts](gallery.md), right and wrong.
+
+![Score against processor time for every method on seven tasks](images/peers.svg)
+
+[The comparison with other methods](method/peers.md) and the
 [results](results.md) give each number with its command."""
 WHAT = {
     "tutorial": "Follow these pages from the first line to the last.",

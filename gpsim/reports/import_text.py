@@ -87,7 +87,7 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
     """
     unknown = not typed.named and any(name in found.missing for name in found.system.state.names)
     name = PurePath(shlex.split(typed.path)[0]).name
-    looks = "" if typed.named or unknown else f" that looks like: {found.system.name}"
+    looks = "" if typed.named or unknown else f" that looks like {found.system.name}"
     line = f"{name}: a raw log{looks}; assign the columns: {_proposed(typed, found, unknown)}; or edit a mapping: "
     line += f"gpsim import --inspect {typed.path} --write-mapping mapping.yaml"
     others = ", ".join(n for n in SIMULATORS if n != found.system.name)
