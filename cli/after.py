@@ -61,7 +61,7 @@ def plan_command(
     given: PlanSetup,
     dry_run: DryRun = False,
 ) -> None:
-    """Plan the next recording: safe commands under which the explanations that a diagnosis left open differ most."""
+    """Plan the next recording: safe commands for which the explanations of a diagnosis differ most."""
     diagnoses, settings = split_words(given.words or [])
     refuse_unused("plan", settings, PLAN_USED)
     setup = replace(given, words=settings)
@@ -123,7 +123,7 @@ class WatchSetup(Setup):
 def watch_command(
     *, what: What, diagnosis: DiagnosisDir, log: Log = None, once: Once = False, setup: WatchSetup
 ) -> None:
-    """Say of every new recording whether an old account still holds; exit code 4 where it no longer does."""
+    """Check whether an account still holds for every new recording; exit code 4 if it does not."""
     refuse_unused("watch", setup.words or [], WATCH_USED)
     config = setup.config
     # Imported here: scipy takes a second to load, and `--help` should not wait for it.
@@ -153,10 +153,10 @@ Replay = Annotated[
 
 @spread
 def deploy_command(*, replay: Replay = None, setup: Setup) -> None:
-    """Watch recorded drives as the monitor of a safe deployment would have: when it stops them, and why.
+    """Test the monitor of a safe deployment on recorded drives: when it stops them, and why.
 
-    It predicts each step with the simulator that correction= says, and stops where the errors are no longer usual, or
-    a state leaves deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
+    It predicts each step with the simulator of correction=, and stops when the errors are unusual or a state leaves
+    deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
     """
     request = setup.request()
     if not replay:

@@ -76,7 +76,7 @@ def diagnosis_command(
     recording: Where = None,
     horizon: Horizon = None,
 ) -> None:
-    """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
+    """Measured, base and corrected motion on one clock, with the bodies drawn, for Foxglove."""
     if not mcap:
         raise UsageError("export diagnosis: name the format: --mcap, for Foxglove")
     from gpsim.stages.export_diagnosis import export_diagnosis
@@ -102,7 +102,7 @@ AsUrdf = Annotated[
 
 @export_app.command("model")
 def model_command(folder: Diagnosed, out: OutModel, urdf: AsUrdf = False) -> None:
-    """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
+    """The corrected MuJoCo model as MJCF, with a wrapper (only mujoco and numpy) for other effects."""
     from gpsim.stages.export import export_corrected_model, told
 
     made, notes = export_corrected_model(folder, out, urdf)
@@ -139,7 +139,7 @@ def policy_command(
     monitor: WithMonitor = False,
     config_dir: ConfigDir = None,
 ) -> None:
-    """A trained policy as ONNX and, for a vehicle with a goal, nodes of ROS 1 and ROS 2 that play it, or a plan."""
+    """A trained policy as ONNX and, for a vehicle with a goal, nodes for ROS 1 and ROS 2 that run it, or a plan."""
     from gpsim.stages.export import export_policy
     from gpsim.stages.stage import Request
 
@@ -165,7 +165,7 @@ OutMotion = Annotated[
 def view_command(
     folder: Diagnosed, out: OutMotion = None, recording: Where = None, horizon: Horizon = None
 ) -> None:
-    """Watch real, base and corrected motion side by side, and their numbers, in Rerun."""
+    """View real, base and corrected motion side by side, with their numbers, in Rerun."""
     from gpsim.stages.export_diagnosis import export_diagnosis
 
     with TemporaryDirectory() as here:

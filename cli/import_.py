@@ -67,7 +67,7 @@ def import_command(
     write_mapping: WriteMapping = None,
     dry_run: DryRun = False,
 ) -> None:
-    """Make a recording of ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
+    """Make a recording from ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
     paths, words = _sorted(sources)
     named(simulator, words)
     if inspect and dry_run:

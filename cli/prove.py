@@ -198,7 +198,7 @@ def _conceal(context: typer.Context, out: Path, worlds: Worlds) -> None:
 
 @prove_app.command("diagnose")
 def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> None:
-    """Diagnose every recording in OUT/public, each in a process and folder that hold nothing else."""
+    """Diagnose every recording in OUT/public, each in its own process and folder."""
     from gpsim.stages import prove
 
     launcher = _launcher(context, jobs)
@@ -235,7 +235,7 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
 
 @prove_app.command("answers")
 def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proof.")]) -> None:
-    """List the answers, one line a world: for those who hold them."""
+    """List the answers, one line per world, for the person who holds them."""
     from gpsim.stages import prove
 
     answers = prove.read_answers(out)

@@ -78,10 +78,10 @@ def full_loop(*, seeds: Seeds = 1, jobs: Jobs = CORES, setup: Setup, dry_run: Dr
 @run_app.command("iterate")
 @spread
 def iterate(*, setup: Setup) -> None:
-    """Round after round: deploy the best policy, record, refit, train; what is there already is kept.
+    """Repeat the loop: deploy the best policy, record, refit, train; existing artifacts are kept.
 
-    rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
-    the standard error of that gain, on starts of the target that the evaluation does not use.
+    rounds= limits their number. It stops early when a round gains no more than the standard error of the
+    gain, on starts of the target that the evaluation does not use.
     """
     request, launcher = setup.request(), launcher_of(setup.config, 0)
     from gpsim.stages import iterate as iterating
@@ -101,7 +101,7 @@ def iterate(*, setup: Setup) -> None:
 
 @spread
 def status_command(*, seeds: Seeds = 1, setup: Setup) -> None:
-    """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
+    """Show which artifacts of the loop exist, which would be made, and why: the setting, parent, file or code."""
     show_status(setup.request(), seeds)
 
 
@@ -247,7 +247,7 @@ LOOP = {
         "correction=gp|effects|effects+gp selects the correction, prediction=mean|sample the use of the Gaussian "
         "process; robustness=posterior draws a simulator per episode from the posterior of the diagnosis.",
     ),
-    "certify": ("Search which starts of the evaluation can be solved.", ""),
+    "certify": ("Search for the starts of the evaluation that can be solved.", ""),
     "evaluate": (
         "Compare policies and simulators on the target.",
         "One step, rollouts and returns; deployed=BAG scores recorded deployments instead.",

@@ -56,7 +56,7 @@ def list_command(
     verify: Annotated[bool, typer.Option("--verify", help="Check every byte for changes.")] = False,
     runs_dir: RunsDir = RUNS,
 ) -> None:
-    """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
+    """Every artifact: its result, state (finished, stale, broken), date, seed and size."""
     # Imported here: the stages take seconds to load, and `--help` should not wait for them.
     from gpsim.reports.loop_page import terminal_table
     from gpsim.reports.runs_text import listing_lines, listing_sheet
@@ -80,7 +80,7 @@ def show_command(
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """One artifact, every byte verified: what it was made from, what was made of it, its figures."""
+    """Show one artifact and verify every byte: its inputs, what was made from it, its figures."""
     from gpsim.reports.runs_text import shown_lines
     from gpsim.stages.runs import show_run
 
@@ -91,7 +91,7 @@ def show_command(
 
 @runs_app.command("diff")
 def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Beside = None) -> None:
-    """How two artifacts differ: configuration key by key, files, seeds, parents, code, packages, figures."""
+    """Compare two artifacts: configuration key by key, files, seeds, parents, code, packages, figures."""
     from gpsim.reports.runs_text import compared_lines
     from gpsim.stages.runs import compare_runs
 
@@ -111,7 +111,7 @@ def rm_command(
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """Remove artifacts that nothing else needs; what does need them is named."""
+    """Remove artifacts that nothing else needs; otherwise name what needs them."""
     from gpsim.stages.runs import do_removal, plan_removal, would_go
 
     catalogue, removal = plan_removal(runs_dir, names, with_dependents, beside or ())
@@ -138,7 +138,7 @@ def gc_command(
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """Remove what processes left unfinished and, with --keep N, old versions that nothing needs."""
+    """Remove unfinished artifacts and, with --keep N, old versions that nothing needs."""
     from gpsim.stages.runs import do_gc, plan_gc, would_go
 
     catalogue, removal = plan_gc(runs_dir, keep, beside or ())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 simulators_app = typer.Typer(
     no_args_is_help=True,
-    help="Simulators: those registered, your own, and MuJoCo models (which need the extra mujoco).",
+    help="Simulators: built-in ones, your own, and MuJoCo models (which need the extra mujoco).",
 )
 Name = Annotated[
     str,
@@ -42,7 +42,7 @@ OTHERS = {
 
 @simulators_app.command("list")
 def list_command() -> None:
-    """Which simulators there are."""
+    """List the simulators."""
     from gpsim.simulators import SIMULATORS
 
     say_all(SIMULATORS)
@@ -53,7 +53,7 @@ def list_command() -> None:
 
 @simulators_app.command("show")
 def show_command(name: Name) -> None:
-    """What a simulator declares: coordinates, state, actions, parameters, and what can be corrected."""
+    """Show a simulator: coordinates, state, actions, parameters, and the effects that can be tested."""
     from gpsim.mjcf import declared, open_simulator
 
     named(name)
@@ -64,7 +64,7 @@ def show_command(name: Name) -> None:
 
 @simulators_app.command("check")
 def check_command(name: Name) -> None:
-    """What a MuJoCo model is like: all that `show` says, its speed, its energy, what is hard to tell apart."""
+    """Check a MuJoCo model: the output of `show`, its speed, its energy, and parameters that are hard to separate."""
     import numpy as np
 
     from gpsim.mjcf import MjcfSimulator, checked, declared, open_simulator
@@ -123,7 +123,7 @@ Of = Annotated[list[str] | None, typer.Option("--effects", metavar="FILE.py", he
 
 @effects_app.command("list")
 def list_effects(effects: Of = None) -> None:
-    """Which effects there are, where they act, and which a diagnosis asks unless told otherwise."""
+    """The catalogue: each effect, where it acts, and whether it is tested by default."""
     from gpsim.effects import CATALOGUE
 
     rows = [(f, e.site, "asked" if e.asked else "on request") for f, e in CATALOGUE.items()]
@@ -135,7 +135,7 @@ def list_effects(effects: Of = None) -> None:
 
 @effects_app.command("show")
 def show_effect(name: EffectName) -> None:
-    """What an effect is: its law, where it acts, its parameters, where it is from."""
+    """Show an effect: its law, where it acts, its parameters, its reference."""
     from gpsim.effects import PLACE, effect_of
 
     effect = _one(name).effect if ".py" in name else effect_of(name)
@@ -198,7 +198,7 @@ def check_effect(
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the world.")] = 0,
 ) -> None:
-    """Whether a law is one: shapes, numbers, rest; then whether it is found again, and what else would explain it."""
+    """Check a law: shapes, numbers, rest; whether it is found again, and which effects would replace it."""
     from gpsim.effects import bring
     from gpsim.files import disk_errors, written_whole
     from gpsim.recordings import write_recording

@@ -202,8 +202,8 @@ class Trip:
         return float(action[0]), float(action[1])
 '''
 _SAYS = """
-Where monitor.json lies beside it (gpsim export policy --monitor) it also stops where what is observed is no longer what
-the simulator predicts. A plan goes where the recording never was, and is played without it.
+With monitor.json beside it (gpsim export policy --monitor), it also stops when the observations no longer match the
+simulator. A plan leaves the range of the recording, so it is played without the monitor.
 """
 _ROS_1 = '''#!/usr/bin/env python3
 """Drive to a goal with the policy in policy.onnx beside this file, $rate times a second; or play a plan. For ROS 1.

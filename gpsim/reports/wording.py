@@ -24,7 +24,7 @@ NOBODY_TELLS_APART = (
     "{who} predict the same for every tested excitation: no recording of these channels separates them; measure one "
     "of the quantities directly (weigh it, or measure the acting force or command)"
 )
-UNSEEN = "training data that it was not fitted to"
+UNSEEN = "unseen training data"
 NO_GP = {
     "no structure": "it has no structure",
     "not fitted": "it could not be fitted",

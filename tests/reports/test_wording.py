@@ -130,13 +130,13 @@ def test_what_to_drive_an_action_with_is_said(excitation, said):
     ("why", "said"),
     [
         (NoGp("no structure"), "it has no structure"),
-        (NoGp("explains nothing"), "it would explain nothing of training data that it was not fitted to"),
+        (NoGp("explains nothing"), "it would explain nothing of unseen training data"),
         (NoGp("harms", "q", rollout=True, times=1.104), "it would multiply the error in q after a rollout by 1.1 on "
-         "training data that it was not fitted to"),
+         "unseen training data"),
         (NoGp("strays", "q", rollout=True, times=1.83, seconds=19.79), "it would multiply the error in q by 1.8 in "
          "free runs of 19.8 s"),
         (NoGp("harms", "q_acc", times=math.inf), "it would multiply the error in q_acc one step ahead by inf on "
-         "training data that it was not fitted to"),
+         "unseen training data"),
     ],
 )  # fmt: skip
 def test_why_a_process_was_left_out_is_said(why, said):

@@ -543,7 +543,9 @@ class Search:
         if unusual:
             return f"{unusual[0]} removes too little of the remaining error"
         return (
-            f"held-out data are no better with {names[0]}" if names else "held-out data are no better with it"
+            f"held-out data do not improve with {names[0]}"
+            if names
+            else "held-out data do not improve with it"
         )
 
     # Held out
@@ -598,7 +600,7 @@ class Search:
                     bad = law.usual, short, law
             if bad is None:
                 return
-            self.say("held-out windows are no better with it", True, bad[2].name, gain=bad[1])
+            self.say("held-out windows do not improve with it", True, bad[2].name, gain=bad[1])
             self.account = less[bad[2].key]
             self.refit(FIRST_LOOK)
 

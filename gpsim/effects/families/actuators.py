@@ -78,8 +78,8 @@ class ActuatorBias(ActuatorEffect):
 class ActuatorDeadZone(ActuatorEffect):
     """A dead zone: commands smaller than the width do nothing, larger ones act in full.
 
-    Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7, whose dead zone also takes the width off larger
-    commands; this one jumps, as a driver does that sets small commands to 0.
+    Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7, whose dead zone also reduces larger commands; this one
+    jumps, like a driver that sets small commands to 0.
     """
 
     family = "actuator_dead_zone"
@@ -173,7 +173,7 @@ class ActuatorAsymmetry(ActuatorEffect):
 class BatterySag(ActuatorEffect):
     """Battery sag: the gain falls with time, g = 1 - loss t.
 
-    Definition: a straight line in the place of a discharge curve (Shepherd 1965, "Design of primary and secondary
+    Definition: a straight line instead of a discharge curve (Shepherd 1965, "Design of primary and secondary
     cells II. An equation describing battery discharge", Journal of the Electrochemical Society 112(7)). t: since
     the clock began.
     """
@@ -329,11 +329,10 @@ class ActuatorDelay(LateEffect):
 class ClockDrift(LateEffect):
     """A clock that drifts: the simulator gets u(t - d t), with t since the clock began.
 
-    Definition: a computer that gives commands by a clock of its own, slow by d against the one that stamps what is
-    read. An even rate is the first order of an oscillator's drift. It acts on commands, which are known before they
-    act, and makes them later and later.
-    A fast clock would make them act before they are given, which no simulator can step through that is driven live; and
-    what a sensor reads is not asked when it was read, so that side has no clock.
+    Definition: a computer that gives commands by its own clock, which is slow by d against that of the readings. An
+    even rate is the first order of an oscillator's drift. It acts on commands and makes them increasingly late. A
+    fast clock would make them act before they are given, which no simulator can step through that is driven live;
+    and what a sensor reads is not asked when it was read, so that side has no clock.
     """
 
     family = "clock_drift"
@@ -415,9 +414,9 @@ class FlexibleCoupling(ElasticDrive):
 
     Definition: two inertias with a spring and a damper between them, as a motor and what it drives through a belt, a
     harmonic drive or a long shaft (Spong 1987, "Modeling and control of elastic joint robots", Journal of Dynamic
-    Systems, Measurement, and Control 109(4)). The motor is ahead of the load by z. A very stiff one leaves a rotor of
-    inertia J on the load, one without J leaves nothing. It moves by itself, so that the load goes on when the command
-    is gone.
+    Systems, Measurement, and Control 109(4)). The motor is ahead of the load by z. A very stiff one acts as a rotor
+    of inertia J on the load, one without J has no effect. It has its own motion, so the load continues when the
+    command ends.
     """
 
     family = "flexible_coupling"

@@ -378,7 +378,7 @@ class LoadFriction(ForceEffect):
 
     Definition: Coulomb friction whose normal force is the transmitted one, as in a worm gear or a harmonic drive
     (Hamon, Gautier and Garrec 2010, "Dynamic identification of robots with a dry friction model depending on load and
-    velocity"). Where a drive has a law of its own, u is what it gives. On a MuJoCo model it is asked as what friction
+    velocity"). If a drive has its own law, u is its output. On a MuJoCo model it is asked as what friction
     rises by (`RISE`), of all joints together.
     """  # noqa: E501
 

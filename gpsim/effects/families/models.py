@@ -155,7 +155,7 @@ class GravityCompensation(ModelEffect):
 class Overflow(RateEffect):
     """An overflow: at its rim a level rises no further, whatever flows in.
 
-    Definition: what comes in beyond the rim is lost, as in a vessel that spills (the cascaded tanks of Schoukens,
+    Definition: inflow above the rim is lost, as in a vessel that spills (the cascaded tanks of Schoukens,
     Mattsson, Wigren and Noel 2016 do). It acts on states of the first order, and is asked of channels whose readings
     stand at their highest value.
     """

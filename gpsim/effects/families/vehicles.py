@@ -124,7 +124,7 @@ class CorneringDrag(VehicleEffect):
 
     A tyre that carries the lateral force m v w at a slip angle holds the vehicle back by that force times the angle;
     with a linear tyre both grow with the lateral acceleration v w (Milliken and Milliken 1995, Race Car Vehicle
-    Dynamics, chapter 2, induced drag; Gillespie 1992, chapter 6). What a motor then loses of its speed is taken as
+    Dynamics, chapter 2, induced drag; Gillespie 1992, chapter 6). The loss of speed of the motor is taken as
     proportional.
     """
 
