@@ -102,7 +102,7 @@ def _tell_checked(facts: Checked) -> None:
     drift = "nothing moves" if facts.energy_drift is None else f"{facts.energy_drift:.2g} of what moves"
     say(f"energy       changes by {drift} in 1 s of free motion at its own step")
     if not facts.confusable:
-        say("confusable   nothing, where all joints move")
+        say("hard to separate: nothing, if all joints move")
         return
     say("hard to separate (cosine of their effects):")
     for one, other, alike in facts.confusable[:MOST]:
@@ -233,7 +233,7 @@ def _tell_recovered(found: Recovered) -> None:
     told = f"{found.verdict}: {', '.join(found.said) or 'nothing'}{f' ({sizes})' if sizes else ''}"
     say(f"{'recovered from a world with it':32} {'yes, ' if found.right else 'no, '}{told}")
     others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % without it"
-    say(f"{'confusable with':32} {others if found.confusable else f'nothing: {others}'}")
+    say(f"{'hard to separate from':32} {others if found.confusable else f'nothing: {others}'}")
 
 
 def _one(name: str) -> Brought:

@@ -37,7 +37,7 @@ def said(found: Diagnosis) -> str:
     joints = {row.whole.partition(" on ")[0]: row.whole for row in rows_of(headline, found) if row.members}
     claims = [*joints.values(), *(e.sentence for e in headline if noun(e.family) not in joints)]
     slight = len(found.effects) - len(headline)
-    beside = f"; {slight} small correction{'s' if slight > 1 else ''} beside" if slight else ""
+    beside = f"; {slight} small correction{'s' if slight > 1 else ''} in addition" if slight else ""
     share = found.explained.rollout
     explained = "" if share is None else f" Explained: {percent(share.share)} % of the mismatch."
     told = "; ".join(claims) or "no effect is claimed"

@@ -24,7 +24,7 @@ TRIED = [
     ("simulators show slidr", "unknown simulator 'slidr' (did you mean 'slider'?)"),
     ("effects show viscos_friction", "(did you mean 'viscous_friction'?); `gpsim effects list` names all"),
     # settings
-    ("diagnose slider.csv --simulator slider diagnose.serch.beam=1", "no setting 'diagnose.serch.beam'; diagnose.search: went with"),
+    ("diagnose slider.csv --simulator slider diagnose.serch.beam=1", "no setting 'diagnose.serch.beam'; diagnose.search: was removed"),
     ("diagnose slider.csv --simulator slider diagnose.windos.fewest=9", "(did you mean diagnose.windows?)"),
     ("diagnose slider.csv --simulator slider diagnose.families.only=[viscos_friction]", "(did you mean 'viscous_friction'?)"),
     ("diagnose slider.csv --simulator slider seed=x", "seed: expected a whole number of at least 0, got 'x'"),
