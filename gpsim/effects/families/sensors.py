@@ -93,7 +93,7 @@ class SensorScale(SensorEffect):
 class SensorDeadZone(SensorEffect):
     """A sensor's dead zone: readings smaller than the width are 0, larger ones are right.
 
-    Definition: a threshold, as of a tachometer that needs a least speed. Tested if a recording has readings of
+    Definition: a threshold, like that of a tachometer with a minimum speed. Tested if a recording has readings of
     exactly 0 and none between 0 and a threshold.
     """
 
