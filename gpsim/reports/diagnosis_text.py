@@ -273,7 +273,9 @@ def _own_step(diagnosis: Diagnosis) -> str:
     ]
     if not left:
         return ""
-    return f" The simulator's own step is too coarse: with a fine step, {listed(left)} of the one-step error is left."
+    return (
+        f" The simulator's own step is too coarse: with a fine step, {listed(left)} is left one step ahead."
+    )
 
 
 def _part(diagnosis: Diagnosis) -> str:

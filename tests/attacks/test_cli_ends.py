@@ -129,7 +129,9 @@ def recording(tmp_path):
         ("ctypes.string_at(0)", "crashed Python (SIGSEGV) at line 12, in rates"),
         pytest.param("os.fork()", "returned in a copied process", marks=pytest.mark.slow),
         pytest.param("raise GeneratorExit", "rates raised GeneratorExit", marks=pytest.mark.slow),
-        pytest.param("time.sleep(1e6)", "rates did not return within 1 s; fix it", marks=pytest.mark.slow),
+        pytest.param(
+            "time.sleep(1e6)", "rates did not return within 1 s; correct it", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_model_that_does_so_after_200_calls_is_named(tmp_path, recording, what, said):
