@@ -61,7 +61,7 @@ def small(monkeypatch):
 @pytest.mark.parametrize(
     ("records", "said"),
     [
-        ([chunk(bytes(1 << 20))] * 4, "make more than"),
+        ([chunk(bytes(1 << 20))] * 4, "expand to more than"),
         ([chunk(b"")] * 200, "empty chunks and records"),
         ([record(0x0C, b"")] * 200, "empty chunks and records"),
         ([SCHEMA, CHANNEL, chunk(MESSAGE * 40_000)], "messages; if it is valid"),

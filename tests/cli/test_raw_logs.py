@@ -31,7 +31,7 @@ def stopped(monkeypatch):
 
 def proposed(err):
     """The command that a message proposes, as words."""
-    found = re.search(r"say what is what: gpsim (.*?)(?:; | \()", err)
+    found = re.search(r"assign the columns: gpsim (.*?)(?:; | \()", err)
     assert found, err
     return shlex.split(found[1])
 
@@ -65,7 +65,7 @@ def test_a_table_is_understood_by_its_names_and_asked_about_once(gpsim, stopped,
     assert len(table) < 8
     assert len(line) < 240
     assert "gpsim import --inspect log.csv --write-mapping mapping.yaml" in line
-    assert "looks like one of pendulum" in err
+    assert "looks like pendulum" in err
     words = proposed(err)
     assert words[:4] == ["diagnose", "log.csv", "--simulator", "pendulum"]
     code, _, err = gpsim(*words, "--cores", "1")

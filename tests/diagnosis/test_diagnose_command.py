@@ -298,7 +298,7 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
         ("recording=elsewhere", "beside a RECORDING give the RECORDING alone"),
         (
             "collect.episodes=3",
-            "not used with a RECORDING; valid settings:  seed, diagnose.episodes",
+            "not used with a RECORDING; valid settings: seed, diagnose.episodes",
         ),
         ("~target", "not used with a RECORDING; valid settings"),
     ],

@@ -84,7 +84,7 @@ def test_equations_have_no_model_and_one_line_says_what_to_do_instead(tmp_path):
 
 def test_a_diagnosis_is_never_changed(tmp_path):
     diagnosed(tmp_path, written(tmp_path, DOUBLE))
-    with pytest.raises(UsageError, match="lies in the diagnosis"):
+    with pytest.raises(UsageError, match="is inside the diagnosis"):
         export_corrected_model(tmp_path / "found", tmp_path / "found" / "robot_corrected.xml")
 
 

@@ -239,7 +239,7 @@ def test_nothing_is_made_of_what_went_meanwhile(root):
     with pytest.raises(UsageError, match="collect/v0001: removed before it could be used; run again"):
         made(root, "fit-gp", 1, {"recording": parent})
     assert not whole_artifacts(root)
-    with pytest.raises(UsageError, match="removed while"), needed([parent.path]):
+    with pytest.raises(UsageError, match="removed before"), needed([parent.path]):
         pass
 
 
@@ -251,7 +251,7 @@ def test_removing_and_making_at_the_same_moment_leave_no_orphan(root):
             try:
                 made(root, "fit-gp", (n, parent.path.name, parent.digest), {"recording": parent})
             except UsageError as error:
-                assert "removed while" in str(error)
+                assert "removed before" in str(error)
 
         def gone(n, parent=parent):
             try:

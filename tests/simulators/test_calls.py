@@ -102,5 +102,5 @@ def test_a_copy_that_comes_back_ends_and_is_told():
 @pytest.mark.parametrize("said", ["soon", "0", "-1", "nan", "inf"])
 def test_the_setting_is_a_number_of_seconds(monkeypatch, said):
     monkeypatch.setenv(SETTING, said)
-    with pytest.raises(UsageError, match=f"GPSIM_LONGEST_CALL={said}: expected seconds"):
+    with pytest.raises(UsageError, match=f"GPSIM_LONGEST_CALL={said}: expected the longest time"):
         asked(lambda: 3, "rates", "mine.py:Tank")
