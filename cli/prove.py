@@ -36,9 +36,7 @@ Rough = Annotated[
 ]
 Machines = Annotated[
     int,
-    typer.Option(
-        "--machines", min=0, help="Number of whole machines to add (axes, rigs, servos, cars, arms)."
-    ),
+    typer.Option("--machines", min=0, help="Number of whole machines to add: axes, rigs, cars, arms ..."),
 ]
 Robots = Annotated[
     int,

@@ -274,8 +274,8 @@ def test_what_may_say_when_the_motors_were_on_is_told(gpsim, stopped, tmp_path):
     logged(tmp_path / "log.csv", names, enabled=lambda t: 1.0 * (t > 1.0))
     words = ["diagnose", "log.csv", "--simulator", "pendulum", "--cores", "1"]
     _, _, err = gpsim(*words)
-    added = re.search(r"enabled may say when the motors were on; if so, add (.*)", err)[1].split()
+    added = re.search(r"enabled may show when the motors were on; if so, add (.*)", err)[1].split()
     _, _, err = gpsim(*words, *added)
-    assert "may say when" not in err
+    assert "may show when" not in err
     whole, cut = (len(recording.episodes[0]) for recording, _, _ in stopped)
     assert (whole, cut) == (299, 198)

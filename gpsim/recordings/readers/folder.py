@@ -203,7 +203,7 @@ class Folder:
                 found[last] = replace(found[last], count=max(0, (found[last].count or 0) + missing))
             elif missing > 0:
                 name, fault = topic_name(topic)
-                lost = f"{METADATA} lists {missing} messages, but the storage files have no such topic"
+                lost = f"{METADATA} announces {missing} messages, but the storage files have no such topic"
                 stream = Stream(-1 - len(found), name, "unknown", "", "none", "", count=missing)
                 found.append(replace(stream, fault=fault or lost))
         return found

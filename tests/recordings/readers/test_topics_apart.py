@@ -166,8 +166,8 @@ def test_messages_that_metadata_count_wrongly_concern_their_topic(tmp_path, topi
     bag = recounted(tmp_path, topic, count)
     found = inspect_source(bag)
     assert set(found.paces) == {"/good", STRANGE} - {topic}
-    assert f"lists {count}" in found.faults[topic]
-    with pytest.raises(UsageError, match=f"lists {count}"):
+    assert f"announces {count}" in found.faults[topic]
+    with pytest.raises(UsageError, match=f"announces {count}"):
         open_log(bag).series({topic: ["data"]})
 
 
