@@ -366,7 +366,7 @@ def test_a_recording_that_has_moved_is_named_and_another_is_refused(made, tmp_pa
     export_diagnosis(folder, recording=moved)
     (tmp_path / "other").mkdir()
     write_recording(swung(1.0), tmp_path / "other")
-    with pytest.raises(UsageError, match="not the recording that"):
+    with pytest.raises(UsageError, match="not the recording of"):
         export_diagnosis(folder, tmp_path / "o.mcap", recording=tmp_path / "other")
     assert not (tmp_path / "o.mcap").exists()
 

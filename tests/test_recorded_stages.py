@@ -158,7 +158,7 @@ def test_an_angle_that_wraps_in_the_recording_alone_goes_through_the_whole_evalu
 
 @pytest.mark.parametrize("experiment", ["cartpole", "limo"])
 def test_target_and_simulator_have_one_pace(experiment):
-    with pytest.raises(UsageError, match=r"target.dt=0.05 is not simulator.dt=.*leave it out") as caught:
+    with pytest.raises(UsageError, match=r"target.dt=0.05 is not simulator.dt=.*remove it") as caught:
         target_plant(request(f"experiment={experiment}", "target.dt=0.05").config)
     assert "\n" not in str(caught.value)
     both = request(f"experiment={experiment}", "simulator.dt=0.05")

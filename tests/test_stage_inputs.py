@@ -219,7 +219,7 @@ def test_a_sweep_is_logged_where_its_mapping_will_look():
     plain = resolve(["experiment=limo"], None)
     for changes in ([], moved):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": changes}}))
-    with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
+    with pytest.raises(UsageError, match=r"the mapping needs x \(topic /robot/pose\), y \(topic /vrpn"):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": moved[:1]}}))
 
 

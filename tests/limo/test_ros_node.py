@@ -175,7 +175,7 @@ def test_the_node_watches_as_the_monitor_does_and_stops_where_it_does(ros, tmp_p
 
 def test_what_a_node_cannot_predict_with_is_one_line():
     base = SimulatorPlant(UNICYCLE, {}, "euler", 0.1)
-    with pytest.raises(UsageError, match="one Gaussian process a rate"):
+    with pytest.raises(UsageError, match="one Gaussian process per rate"):
         facts_of(monitor_of(base))
 
 

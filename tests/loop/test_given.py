@@ -120,7 +120,7 @@ def test_the_report_lists_what_was_used(drive, diagnosis):
     requests = {seed: given.having(seed=seed) for seed in (0, 1)}
     ((seed, (said,)),) = report.told_by_diagnoses(requests).items()
     assert seed == 0
-    assert said.startswith("none: nothing is missing")
+    assert said.startswith("none: the recording shows no missing physics")
 
 
 @pytest.mark.usefixtures("stand_in")

@@ -262,7 +262,7 @@ def _check_speed(recording: Recording, rows: Transitions, coordinate: Coordinate
         if abs(ratio / factor - 1.0) < MOST_SCATTER:
             raise UsageError(
                 f"{pair[0]} moves {ratio:.3g} times as fast as {pair[1]} implies: {wrong} is in degrees, but the "
-                f"simulator uses radians;  {REMEDY}; {SURE}"
+                f"simulator uses radians; {REMEDY}; {SURE}"
             )
 
 
