@@ -25,13 +25,15 @@ class Planned:
 
     minutes: float = option(2.0, "--minutes", help="How long the plan may take.")
     anew: bool = option(
-        False, "--anew", help="Somebody puts the machine back to rest before each piece: it need not return."
+        False,
+        "--anew",
+        help="You put the machine back to rest before each piece, so it need not return by itself.",
     )
     policy: Path | None = option(
         None,
         "--policy",
         metavar="DIR",
-        help="A finished policy that steers the machine meanwhile: the plan is added to its commands.",
+        help="A trained policy that controls the machine; the plan is added to its commands.",
         autocompletion=completion.policies,
     )
     out: Out = None
@@ -58,15 +60,13 @@ class WatchSetup(Setup):
 
 @spread
 def plan_command(*, asked: Planned, given: PlanSetup, dry_run: DryRun = False) -> None:
-    """Plan the next recording: safe commands under which the explanations that a diagnosis left open differ most."""
+    """Plan the next recording: safe commands for which the explanations of a diagnosis differ most."""
     diagnoses, settings = split_words(given.words or [])
     refuse_unused("plan", settings, PLAN_USED)
     setup = replace(given, words=settings)
     setup.request()
     if not diagnoses:
-        raise UsageError(
-            "plan: name the DIAGNOSIS that left something open, as: gpsim plan found --minutes 2"
-        )
+        raise UsageError("plan: name the DIAGNOSIS to plan for, as: gpsim plan found --minutes 2")
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
@@ -87,7 +87,7 @@ def watch_command(
     *,
     what: Path = typer.Argument(
         metavar="LOG|FOLDER",
-        help="A recording, a CSV that is being written, or a folder into which recordings come.",
+        help="A recording, a CSV file that is still being written, or a folder that receives recordings.",
     ),
     diagnosis: Path = typer.Option(
         ..., "--diagnosis", metavar="DIR", help="The account.", autocompletion=completion.diagnoses
@@ -95,12 +95,14 @@ def watch_command(
     log: Path | None = typer.Option(
         None,
         "--log",
-        help="JSON lines, an object a recording; what it holds is not looked at again. Else LOG|FOLDER.watch.jsonl.",
+        help="JSON lines, one object per recording; recordings in it are skipped. Default: LOG|FOLDER.watch.jsonl.",
     ),
-    once: bool = typer.Option(False, "--once", help="Look at what is there and end, for a CI job or cron."),
+    once: bool = typer.Option(
+        False, "--once", help="Check the existing recordings and exit, for a CI job or cron."
+    ),
     setup: WatchSetup,
 ) -> None:
-    """Say of every new recording whether an old account still holds; exit code 4 where it no longer does."""
+    """Check whether an account still holds for every new recording; exit code 4 if it does not."""
     refuse_unused("watch", setup.words or [], WATCH_USED)
     config = setup.config
     # Imported here: scipy takes a second to load, and `--help` should not wait for it.
@@ -114,7 +116,7 @@ def watch_command(
         found.append({k: v for k, v in said.to_dict().items() if k != "sums"})
     answer({"log": watch.log, "diagnosis": diagnosis}, holds=watch.holds, recordings=found)
     if not watch.holds:
-        say(f"the account no longer holds: diagnose again, and begin a new log ({watch.log})")
+        say(f"the account no longer holds: diagnose again, and start a new log ({watch.log})")
         raise typer.Exit(NO_LONGER_HOLDS)
 
 
@@ -125,20 +127,20 @@ def deploy_command(
         None,
         "--replay",
         metavar="LOG",
-        help="A log of the policy at work, read by collect.mapping, or a recording's folder; may be given again.",
+        help="A log of the policy in use, read with collect.mapping, or a recording folder; may be repeated.",
     ),
     setup: Setup,
 ) -> None:
     """Watch recorded drives as the monitor of a safe deployment would have: when it stops them, and why.
 
-    It predicts each step with the simulator that correction= says, and stops where the errors are no longer usual, or
-    a state leaves deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
+    It predicts each step with the simulator of correction=, and stops when the errors are unusual or a state leaves
+    deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
     """
     request = setup.request()
     if not replay:
         raise UsageError(
-            "deploy: give --replay LOG to watch a recorded drive, or try the monitor on the stand-in with: "
-            "gpsim evaluate deploy.safe=true"
+            "deploy: give --replay LOG to watch a recorded drive, or try the monitor in simulation with: gpsim "
+            "evaluate deploy.safe=true"
         )
     # Imported here: what reads logs takes seconds to load, and `--help` should not wait for it.
     from gpsim.stages import evaluate_deployed

@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from gpsim.stages.raw_logs import RawLog
     from gpsim.stages.stage import Request
 
-COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
+COMPILES = "compiling the simulators for this machine: about a minute, only once"
 USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
 """What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
 INSTEAD = {
-    "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
+    "simulator": "--simulator NAME; parameters, integrator and dt come from its recording.yaml",
     "recording": "the RECORDING alone",
 }
 Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
@@ -51,13 +51,13 @@ class Asked:
     simulator: str | None = option(
         None,
         "--simulator",
-        help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
+        help="A simulator, or your own system as FILE.py:ClassName; by default that of the recording.",
         autocompletion=completion.simulator_names,
     )
     mapping: str | None = option(
         None,
         "--mapping",
-        help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
+        help="For a raw log: the assignment of columns to channels, as the name of a mapping or a YAML file.",
         autocompletion=completion.mapping_names,
     )
     out: Path | None = option(None, "--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
@@ -65,13 +65,13 @@ class Asked:
         None,
         "--score",
         metavar="DIAGNOSIS",
-        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+        help="Evaluate this finished diagnosis on RECORDING instead of making a new one; nothing is fitted.",
         autocompletion=completion.diagnoses,
     )
     each: bool = option(
         False,
         "--each",
-        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
+        help="Diagnose each RECORDING, or each in a folder, separately, and compare them on one page.",
     )
     explain: bool = option(
         False, "--explain", help="Print the whole ranking of explanations, and every decision."
@@ -81,7 +81,7 @@ class Asked:
         None,
         "--effects",
         metavar="FILE.py[:Class]",
-        help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
+        help="Your own effects, tested together with the catalogue (`gpsim effects new`); may be repeated.",
     )
 
 
@@ -126,7 +126,7 @@ def diagnose_command(*, asked: Asked, given: DiagnoseSetup, dry_run: DryRun = Fa
     refuse_launcher("diagnose", settings)
     if asked.score is not None:
         if not recordings:
-            raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+            raise UsageError("diagnose: --score DIAGNOSIS needs a RECORDING to evaluate it on")
         _score(setup, asked, read(recordings[0]), dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
@@ -145,9 +145,7 @@ def diagnose_command(*, asked: Asked, given: DiagnoseSetup, dry_run: DryRun = Fa
         stage = stage_for(Task.of(together, asked.simulator, config["diagnose"]["episodes"], own))
     else:
         if asked.simulator is not None:
-            raise UsageError(
-                "diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME"
-            )
+            raise UsageError("diagnose: --simulator needs a RECORDING; for the loop, use simulator=NAME")
         if own:
             raise UsageError(
                 "diagnose: --effects goes with a RECORDING, as: gpsim diagnose rec --effects my_effects.py"
@@ -187,7 +185,8 @@ def _tell(found: Diagnosis, folder: Path, simulator: Any, *, of_task: bool, expl
         say(f"\nEvery hypothesis that was fitted: {RANKED}.")
         say_all(ranking(found))
         say(
-            "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."
+            "\nEvery decision: its gain in nats, the share of the remaining error that it removes, the rule, the "
+            "change."
         )
         say_all(trace_lines(read_trace(folder)))
 
@@ -226,8 +225,8 @@ def _check_together(recordings: Sequence[Path], asked: Asked, dry_run: bool) -> 
         below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
         if below and not (folder / "recording.yaml").is_file():
             raise UsageError(
-                f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several to "
-                "judge them together, or give --each"
+                f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several for "
+                "a common account, or use --each"
             )
 
 
@@ -249,8 +248,8 @@ def _refuse(settings: list[str]) -> None:
             raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
         if name not in USED:
             raise UsageError(
-                f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
-                "experiment, runs_dir"
+                f"diagnose: {word}: not used with a RECORDING; valid settings: seed, diagnose.episodes, experiment, "
+                "runs_dir"
             )
 
 
@@ -258,9 +257,7 @@ def _log_of(recording: Path, of_log: list[str], asked: Asked) -> RawLog | None:
     """The recording as a log that is to be imported first, if it is one."""
     if asked.score is not None or (recording.is_dir() and (recording / "recording.yaml").is_file()):
         if asked.mapping is not None:
-            raise UsageError(
-                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
-            )
+            raise UsageError(f"diagnose: --mapping is for raw logs; {recording} already defines its channels")
         return None
     from gpsim.stages.raw_logs import RawLog, is_raw  # they take a second that others have no use for
 
@@ -279,7 +276,7 @@ def _imported(log: RawLog, config: dict[str, Any]) -> Path:
 
     artifact, _ = imported(Request(config), log, caution)
     warn(artifact.path)
-    note(f"recording: {artifact.path} (import_report.txt says what was kept)")
+    note(f"recording: {artifact.path} (import_report.txt lists the kept rows)")
     return artifact.path
 
 
@@ -307,8 +304,8 @@ def _diagnose_each(
     _tell_fleet(found, simulator)
     if found.failed:
         raise UsageError(
-            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why, run the same "
-            "command to carry on"
+            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why. To continue, run "
+            "the same command again"
         )
 
 

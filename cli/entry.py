@@ -131,19 +131,19 @@ def _told(code: int, said: str) -> int:
 
 def _what_happened(code: int, file: str | None, said: str) -> str:
     if code == -signal.SIGKILL:  # what Linux does to whoever takes too much
-        return "killed (out of memory?); finished artifacts are whole, run the same command to carry on"
+        return "killed (out of memory?); finished artifacts are complete; run the same command to continue"
     if code == -signal.SIGVTALRM:
-        return f"{file or 'a model'}: a call did not return; fix it, or allow more time: GPSIM_LONGEST_CALL=600 (s)"
+        return f"{file or 'a model'}: a call did not return; correct it, or set GPSIM_LONGEST_CALL=600 (s)"
     if code >= 0:
-        how = f"ended the program (exit code {code}) in the middle of its work"
+        how = f"ended the program (exit code {code}) during a call"
         return (
-            f"{how}; run the same command to carry on"
+            f"{how}; run the same command to continue"
             if file is None
-            else f"{file}: {how}; a simulator only returns: take exit() out of it"
+            else f"{file}: {how}; a simulator must only return: remove exit() from it"
         )
     how = f"crashed Python ({signal.Signals(-code).name})"
     if file is None:
-        return f"{how}: a fault of gpsim or of a library; run again with PYTHONFAULTHANDLER=1 to see where"
+        return f"{how}: a bug in gpsim or in a library; run again with PYTHONFAULTHANDLER=1 to see where"
     place = re.search(rf'File "{re.escape(file)}", line (\d+) in (\S+)', said)
     where = f" at line {place[1]}, in {place[2]}" if place else ", most likely in the code of this file"
     return f"{file}: {how}{where}; fix it, then run again"

@@ -17,18 +17,18 @@ from .answers import QUIET, CommandPath
 FLAGS: dict[str, Any] = {
     "quiet": Annotated[
         bool,
-        typer.Option("--quiet", "-q", help="No progress and no notes on stderr: results and errors alone."),
+        typer.Option("--quiet", "-q", help="No progress and no notes on stderr, only results and errors."),
     ],
     "as_json": Annotated[
         bool,
         typer.Option(
-            answers.OPTION, help="One JSON object on stdout: paths, verdict, figures; all else on stderr."
+            answers.OPTION, help="One JSON object on stdout: paths, verdict, figures; the rest on stderr."
         ),
     ],
     "trust": Annotated[
         bool,
         typer.Option(
-            "--trust", help="Run Python files and modules that recordings, mappings and diagnoses name."
+            "--trust", help="Allow the Python files and modules named in recordings, mappings and diagnoses."
         ),
     ],
 }

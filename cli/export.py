@@ -25,11 +25,11 @@ Diagnosed = Annotated[
 ]
 Where = Annotated[
     Path | None,
-    typer.Option("--recording", help="Where the recording lies now, if it has moved since it was diagnosed."),
+    typer.Option("--recording", help="Present path of the recording, if it was moved."),
 ]
 Horizon = Annotated[
     float | None,
-    typer.Option("--horizon", metavar="SECONDS", help="Of every rollout; as in the diagnosis by default."),
+    typer.Option("--horizon", metavar="SECONDS", help="Length of a rollout; default: as in the diagnosis."),
 ]
 
 
@@ -50,7 +50,7 @@ def recording_command(
     path: Path = typer.Argument(
         ...,
         metavar="PATH",
-        help="A recording folder, as `gpsim import` makes.",
+        help="A recording folder, as made by `gpsim import`.",
         autocompletion=completion.recordings,
     ),
     out: Path = typer.Option(..., "--out", help="The file to make; it must not exist."),
@@ -68,16 +68,16 @@ def recording_command(
 @export_app.command("diagnosis")
 def diagnosis_command(
     folder: Diagnosed,
-    mcap: bool = typer.Option(False, "--mcap", help="As MCAP, for Foxglove: the one format there is."),
+    mcap: bool = typer.Option(False, "--mcap", help="Write MCAP for Foxglove, the only format."),
     out: Path | None = typer.Option(
         None, "--out", help="The file to make, DIR.mcap by default; it must not exist."
     ),
     recording: Where = None,
     horizon: Horizon = None,
 ) -> None:
-    """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
+    """Measured, base and corrected motion on one clock, with the bodies drawn, for Foxglove."""
     if not mcap:
-        raise UsageError("export diagnosis: say in which format: --mcap, which Foxglove opens")
+        raise UsageError("export diagnosis: name the format: --mcap, for Foxglove")
     from gpsim.stages.export import export_diagnosis
 
     made, notes = export_diagnosis(folder, out, recording, horizon)
@@ -90,13 +90,13 @@ def model_command(
     out: Path = typer.Option(
         ...,
         "--out",
-        help="The model to make, as robot_corrected.xml; wrapper, diff and patch.json lie beside it.",
+        help="The new model, as robot_corrected.xml; wrapper, diff and patch.json go beside it.",
     ),
     urdf: bool = typer.Option(
-        False, "--urdf", help="As URDF, too, beside it; what that cannot hold is listed."
+        False, "--urdf", help="Also write URDF; the command lists what URDF cannot express."
     ),
 ) -> None:
-    """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
+    """The corrected MuJoCo model as MJCF, with a wrapper (only mujoco and numpy) for other effects."""
     from gpsim.stages.export import export_corrected_model, told
 
     made, notes = export_corrected_model(folder, out, urdf)
@@ -116,11 +116,11 @@ def policy_command(
     monitor: bool = typer.Option(
         False,
         "--monitor",
-        help="With the monitor of a safe deployment for the node; settings say which: experiment=limo.",
+        help="Add the monitor of a safe deployment to the node; settings select it: experiment=limo.",
     ),
     config_dir: ConfigDir = None,
 ) -> None:
-    """A trained policy as ONNX and, for a vehicle with a goal, nodes of ROS 1 and ROS 2 that play it, or a plan."""
+    """A trained policy as ONNX and, for a vehicle with a goal, nodes for ROS 1 and ROS 2 that run it, or a plan."""
     from gpsim.stages.export import export_policy
     from gpsim.stages.stage import Request
 
@@ -128,7 +128,7 @@ def policy_command(
 
     if words and not monitor:
         raise UsageError(
-            f"export policy: settings, such as {words[0]}, are of --monitor; add it or leave them out"
+            f"export policy: settings such as {words[0]} belong to --monitor; add it or remove them"
         )
     watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
     _tell(out, export_policy(path, out, watched), {"policy": path})
@@ -137,12 +137,12 @@ def policy_command(
 def view_command(
     folder: Diagnosed,
     out: Path | None = typer.Option(
-        None, "--out", help="Save a Rerun file (.rrd), which must not exist, instead of opening the viewer."
+        None, "--out", help="Save a new Rerun file (.rrd) instead of opening the viewer."
     ),
     recording: Where = None,
     horizon: Horizon = None,
 ) -> None:
-    """Watch real, base and corrected motion side by side, and their numbers, in Rerun."""
+    """View real, base and corrected motion side by side, with their numbers, in Rerun."""
     from gpsim.stages.export import export_diagnosis
 
     with TemporaryDirectory() as here:
@@ -155,5 +155,5 @@ def view_command(
             shown = subprocess.run([sys.executable, "-m", "rerun", str(made)], capture_output=True)
             if shown.returncode:
                 raise UsageError(
-                    "view: Rerun's viewer does not open here; --out FILE.rrd saves for elsewhere: rerun FILE.rrd"
+                    "view: Rerun's viewer cannot open here; save with --out FILE.rrd and view elsewhere: rerun FILE.rrd"
                 )

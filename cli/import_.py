@@ -29,7 +29,7 @@ MappingName = Annotated[
     str | None,
     typer.Option(
         "--mapping",
-        help="A mapping's name or YAML file; none for columns named as channels.",
+        help="Name or YAML file of a mapping; not needed if columns are named as channels.",
         autocompletion=completion.mapping_names,
     ),
 ]
@@ -37,7 +37,7 @@ SimulatorName = Annotated[
     str | None,
     typer.Option(
         "--simulator",
-        help="What it will be compared with; a mapping is guessed from the log's names.",
+        help="The simulator to compare with; the mapping is guessed from the names in the log.",
         autocompletion=completion.simulator_names,
     ),
 ]
@@ -50,10 +50,10 @@ WriteMapping = Annotated[
     typer.Option("--write-mapping", help="With --inspect: write the proposed mapping into this new file."),
 ]
 Salvage = Annotated[
-    bool, typer.Option("--salvage", help="Import what is readable of a damaged log, and count it.")
+    bool, typer.Option("--salvage", help="Import the readable part of a damaged log, and count the rest.")
 ]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Read the logs and say what the recording would be; write nothing.")
+    bool, typer.Option("--dry-run", help="Read the logs and describe the recording; write nothing.")
 ]
 
 
@@ -67,16 +67,16 @@ def import_command(
     write_mapping: WriteMapping = None,
     dry_run: DryRun = False,
 ) -> None:
-    """Make a recording of ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
+    """Make a recording from ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
     paths, words = _sorted(sources)
     named(simulator, words)
     if inspect and dry_run:
-        raise UsageError("import: --inspect makes nothing; leave --dry-run out")
+        raise UsageError("import: --inspect writes nothing; remove --dry-run")
     if inspect:
         _inspect(paths, words, salvage, write_mapping)
         return
     if write_mapping is not None:
-        raise UsageError("import: --write-mapping goes with --inspect, which proposes the mapping")
+        raise UsageError("import: --write-mapping needs --inspect, which proposes the mapping")
     raw = None if mapping is not None else _guessed(paths, simulator, words, salvage, out)
     if out is None:
         raise UsageError("import: --out DIR missing; it names the recording's folder")
@@ -147,10 +147,10 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     from gpsim.stages.raw_logs import inspect_source
 
     if words:
-        raise UsageError(f"import --inspect: takes no settings ({', '.join(words)}); they go with an import")
+        raise UsageError(f"import --inspect: takes no settings ({', '.join(words)}); use them with an import")
     if write_to is not None and write_to.exists():
         raise UsageError(
-            f"--write-mapping {write_to}: exists already; nothing is overwritten, choose another name"
+            f"--write-mapping {write_to}: exists already; files are never overwritten, choose another name"
         )
     found = [inspect_source(path, salvage) for path in paths]
     for one in found:

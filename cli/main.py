@@ -65,8 +65,8 @@ app = typer.Typer(
         "for example: gpsim fit-gp experiment=cartpole gp.n_train=500 seed=3"
     ),
     epilog=(
-        "Exit codes: 0 done, 1 a fault of gpsim, 2 bad input, 3 a sound recording of which no diagnosis is possible, "
-        "4 an account that no longer holds (watch), 130 interrupted, 143 asked to end."
+        "Exit codes: 0 done, 1 a bug in gpsim, 2 bad input, 3 a valid recording that allows no diagnosis, 4 an "
+        "account that no longer holds (watch), 130 interrupted, 143 terminated."
     ),
     no_args_is_help=True,
     add_completion=True,
@@ -96,19 +96,19 @@ app.command("report", rich_help_panel="Stages, in order")(report_command)
 ONCE, INOUT, THERE = "Everything at once", "Recordings in and out", "What is there"
 PANELS: tuple[tuple[str, str, Any, str | None], ...] = (
     (ONCE, "run", run_app, None),
-    (ONCE, "sweep", sweep_command, "Make a stage for every combination of settings."),
+    (ONCE, "sweep", sweep_command, "Run a stage for every combination of settings."),
     (ONCE, "diagnose", diagnose_command, "Say which physics the simulator lacks."),
-    (ONCE, "deploy", deploy_command, "Watch recorded drives of a policy as a monitor would have."),
-    (ONCE, "plan", plan_command, "Plan the next recording: what tells apart, safely."),
-    (ONCE, "watch", watch_command, "Say of new recordings whether an old account still holds."),
-    (ONCE, "prove", prove_app, "Conceal worlds, diagnose them blind, reveal and score."),
+    (ONCE, "deploy", deploy_command, "Test a monitor on recorded drives of a policy."),
+    (ONCE, "plan", plan_command, "Plan a safe recording that separates the explanations."),
+    (ONCE, "watch", watch_command, "Check whether an account still holds for new recordings."),
+    (ONCE, "prove", prove_app, "Blind test: hide defects, diagnose, reveal and score."),
     (INOUT, "import", import_command, "Make a recording of raw logs."),
-    (INOUT, "export", export_app, "Write a recording, diagnosis or policy for other programs."),
-    (INOUT, "view", view_command, "Watch real, base and corrected motion side by side."),
-    (THERE, "status", status_command, "Say what is there of a loop, what would be made, and why."),
-    (THERE, "runs", runs_app, "List, show, compare and remove what is in runs/."),
+    (INOUT, "export", export_app, "Write a recording or a policy for other programs."),
+    (INOUT, "view", view_command, "View real, base and corrected motion side by side."),
+    (THERE, "status", status_command, "Show which artifacts exist, which would be made, and why."),
+    (THERE, "runs", runs_app, "List, show, compare and remove artifacts in runs/."),
     (THERE, "simulators", simulators_app, "List simulators, show one, check a MuJoCo model."),
-    (THERE, "effects", effects_app, "List effects, show one, begin one of your own and check it."),
+    (THERE, "effects", effects_app, "List effects, show one, write your own and check it."),
 )
 """Where a command stands in `gpsim --help`, and its line there."""
 for panel, name, command, line in PANELS:

@@ -45,7 +45,7 @@ def refuse_launcher(command: str, words: Sequence[str]) -> None:
     """Raise UsageError for words that a command would ignore: it is one job, and runs here."""
     for word in filter(says_where, words):
         raise UsageError(
-            f"{command}: {word}: one job runs here; run full-loop, sweep, prove and diagnose --each have many"
+            f"{command}: {word}: only run full-loop, sweep, prove and diagnose --each use a launcher"
         )
 
 
@@ -85,7 +85,7 @@ ConfigDir = Annotated[
 ]
 ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resolved configuration and stop.")]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Show what exists and what would be made, and why; write nothing.")
+    bool, typer.Option("--dry-run", help="Show what exists, what would be made, and why; write nothing.")
 ]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 Out = Annotated[
@@ -110,7 +110,7 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
     refuse_launcher(command, settings)
     for word in settings:
         if top_key(word) not in used:
-            raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
+            raise UsageError(f"{command}: {word}: not used here; valid settings: {', '.join(used)}")
 
 
 SHOWN = "shown as"

@@ -70,7 +70,7 @@ if TYPE_CHECKING:
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
-INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on"
+INTERRUPTED = "interrupted: finished artifacts are complete; run the same command to continue"
 LONGEST = 60  # letters of what a bar says beside it
 
 

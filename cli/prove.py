@@ -24,22 +24,22 @@ prove_app = typer.Typer(
     cls=LauncherWords,
     invoke_without_command=True,
     help=(
-        "Make machines with hidden defects, diagnose them blind, reveal the truth and score; or one of these steps. "
-        "Settings of the launcher say where it runs, such as launcher=slurm launcher.queue=main."
+        "Make machines with hidden defects, diagnose them blind, reveal the truth and score; or run one of these "
+        "steps. Settings of the launcher select where it runs, such as launcher=slurm launcher.queue=main."
     ),
 )
-Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder of the blind test; finished trials in it are kept.")]
 
 
 Answers = Annotated[
     Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
 ]
 MISSES = {
-    "rough": "{} of {} rough worlds not right in all, listed in the page",
-    "machines": "{} of {} machines not right in all, listed in the page",
-    "whole": "{} of {} whole robots not right in all, listed in the page",
-    "afloat": "{} of {} that float or stand not right in all, listed in the page",
-    "curves": "{} of {} laws of no family not right in all, listed in the page",
+    "rough": "{} of {} rough worlds not completely right, listed in the page",
+    "machines": "{} of {} machines not completely right, listed in the page",
+    "whole": "{} of {} whole robots not completely right, listed in the page",
+    "afloat": "{} of {} floating or legged robots not completely right, listed in the page",
+    "curves": "{} of {} laws outside the catalogue not completely right, listed in the page",
     "plans": "{} of {} worlds for plans missed",
     "mjcf": "{} misses of {} robots, listed in the page",
 }
@@ -51,7 +51,7 @@ class Worlds:
     """Which worlds are drawn, and by how many processes."""
 
     trials: int = option(40, "--trials", min=0, help="How many worlds.")
-    seed: int = option(1, "--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")
+    seed: int = option(1, "--seed", min=0, help="Seed of the worlds; 1 to 99 are for tuning.")
     jobs: Jobs = CORES
     stratum: list[str] | None = option(
         None,
@@ -60,35 +60,35 @@ class Worlds:
         autocompletion=completion.strata,
     )
     long: bool = option(True, "--long/--no-long", help="With the long recordings.")
-    rough: int = option(0, "--rough", min=0, help="How many worlds with the defects of real logs to add.")
+    rough: int = option(0, "--rough", min=0, help="Number of worlds to add with the defects of real logs.")
     machines: int = option(
-        0, "--machines", min=0, help="How many whole machines to add: axes, rigs, servos, cars, arms."
+        0, "--machines", min=0, help="Number of whole machines to add: axes, rigs, cars, arms ..."
     )
     robots: int = option(
         0,
         "--robots",
         min=0,
-        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
+        help="With --system mjcf: number of whole robots to add, with friction and rotor inertia at every joint.",
     )
     floating: int = option(
         0,
         "--floating",
         min=0,
-        help="With --system mjcf: how many quadrotors, boats, hoppers and dogs to add, which nothing holds.",
+        help="With --system mjcf: number of quadrotors, boats, hoppers and quadrupeds to add.",
     )
     curves: int = option(
-        0, "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+        0, "--curves", min=0, help="Number of worlds to add with a law of one input that no family contains."
     )
     plan: int = option(
         0,
         "--plan",
         min=0,
-        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+        help="Number of worlds to add that test plans: does a plan decide sooner than a chirp?",
     )
     system: str | None = option(
         None,
         "--system",
-        help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others.",
+        help="mjcf: robots whose simulator is a MuJoCo model, instead of the other worlds.",
     )
 
     def numbers(self) -> list[int]:
@@ -98,12 +98,12 @@ class Worlds:
         others = self.rough, self.machines, self.curves, self.plan
         if self.system not in (None, prove.MJCF):
             raise UsageError(
-                f"--system {self.system}: there is mjcf, and without the option the worlds that gpsim simulates"
+                f"--system {self.system}: unknown; use mjcf, or omit the option for worlds that gpsim simulates"
             )
         if self.system and (any(others) or not self.long):
             raise UsageError(
-                "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
-                "leave --rough, --machines, --curves, --plan and --no-long out"
+                "--system mjcf: its worlds cannot be combined with --rough, --machines, --curves, --plan and "
+                "--no-long"
             )
         for name, count in (("--robots", self.robots), ("--floating", self.floating)):
             if count and not self.system:
@@ -118,7 +118,7 @@ class Worlds:
 def prove_command(
     *,
     context: typer.Context,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the proof; it is resumed.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the blind test.")] = None,
     worlds: Worlds,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -127,7 +127,7 @@ def prove_command(
         return
     if out is None:
         raise UsageError(
-            "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
+            "prove: name the folder with --out DIR; single steps: gpsim prove conceal | diagnose | reveal"
         )
     _conceal(context, out, worlds)
     diagnose_command(context, out, worlds.jobs)
@@ -145,7 +145,7 @@ def _refuse_options(context: typer.Context, step: str) -> None:
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
                 f"prove: {'/'.join([*given.opts, *given.secondary_opts])} stands before the step; "
-                f"options go behind it: gpsim prove {step} ..."
+                f"gpsim prove {step} ..."
             )
 
 
@@ -168,7 +168,7 @@ def _conceal(context: typer.Context, out: Path, worlds: Worlds) -> None:
 
 @prove_app.command("diagnose")
 def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> None:
-    """Diagnose every recording in OUT/public, each in a process and folder that hold nothing else."""
+    """Diagnose every recording in OUT/public, each in its own process and folder."""
     from gpsim.stages import prove
 
     launcher = _launcher(context, jobs)
@@ -205,7 +205,7 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
 
 @prove_app.command("answers")
 def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proof.")]) -> None:
-    """List the answers, one line a world: for those who hold them."""
+    """List the answers, one line per world, for the person who holds them."""
     from gpsim.stages import prove
 
     answers = prove.read_answers(out)

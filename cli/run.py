@@ -27,19 +27,19 @@ PANEL = "Stages, in order"
 LOOP = {
     "train-source": (
         "Train a policy in the base simulator.",
-        "variant=source|randomised|target: the base simulator, the same with its parameters randomised, the target.",
+        "variant=source|randomised|target: the base simulator, the same with random parameters, or the target.",
     ),
     "build-residuals": (
         "Subtract the prediction from the recording, rate by rate.",
-        "recording=DIR takes another recording than the one that `collect` made.",
+        "recording=DIR uses another recording than that of `collect`.",
     ),
     "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
     "train-gp-policy": (
         "Train a policy in the corrected simulator.",
-        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does; "
-        "robustness=posterior draws each episode from what a diagnosis leaves open.",
+        "correction=gp|effects|effects+gp selects the correction, prediction=mean|sample the use of the Gaussian "
+        "process; robustness=posterior draws a simulator per episode from the posterior of the diagnosis.",
     ),
-    "certify": ("Search which starts of the evaluation can be solved.", ""),
+    "certify": ("Search for the starts of the evaluation that can be solved.", ""),
     "evaluate": (
         "Compare policies and simulators on the target.",
         "One step, rollouts and returns; deployed=BAG scores recorded deployments instead.",
@@ -94,10 +94,10 @@ class Rounds(Board):
 @run_app.command("iterate")
 @spread
 def iterate(*, setup: Setup) -> None:
-    """Round after round: deploy the best policy, record, refit, train; what is there already is kept.
+    """Repeat the loop: deploy the best policy, record, refit, train; existing artifacts are kept.
 
-    rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
-    the standard error of that gain, on starts of the target that the evaluation does not use.
+    rounds= limits their number. It stops early when a round gains no more than the standard error of the
+    gain, on starts of the target that the evaluation does not use.
     """
     request, launcher = setup.request(), launcher_of(setup.config, 0)
     from gpsim.stages import iterate as iterating
@@ -112,7 +112,7 @@ def iterate(*, setup: Setup) -> None:
 
 @spread
 def status_command(*, seeds: Seeds = 1, setup: Setup) -> None:
-    """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
+    """Show which artifacts of the loop exist, which would be made, and why: the setting, parent, file or code."""
     show_status(setup.request(), seeds)
 
 
@@ -177,9 +177,7 @@ def sweep_command(
         metavar="[KEY=VALUE]...",
         help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
     ),
-    of: str = typer.Option(
-        "evaluate", "--of", help="The stage to run at every point, with all that it needs."
-    ),
+    of: str = typer.Option("evaluate", "--of", help="The stage to run at every point, with all its inputs."),
     jobs: Jobs = CORES,
     config_dir: ConfigDir = None,
     dry_run: DryRun = False,
@@ -199,7 +197,7 @@ def sweep_command(
         return
     with Board(len(plan.jobs)) as board:
         artifact, missing = loop.run_grid(plan, launcher, board)
-    note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
+    note(f"columns of the table: the varied settings, the figures of {of}, sha256, error")
     made = {"table": loop.CSV, "parquet": loop.PARQUET, "report": loop.PAGE}
     paths = {name: artifact.path / file for name, file in made.items()}
     say(f"sweep: {paths['report']}, {paths['parquet']}")
@@ -207,7 +205,7 @@ def sweep_command(
     answer({"folder": artifact.path} | paths, swept=list(points[0].swept))
     if missing:
         raise UsageError(
-            f"{missing} of {len(points)} points failed; the table says why, run the same command to carry on"
+            f"{missing} of {len(points)} points failed; the table says why. To continue, run the same command again"
         )
 
 
@@ -219,8 +217,8 @@ def collect_command(
     plan: Path | None = typer.Option(
         None,
         "--plan",
-        help="Play this finished plan of `gpsim plan` on the target; or, of a file that is not there, only write the "
-        "sweep's commands to it, for a robot to play.",
+        help="Play this finished plan of `gpsim plan` on the target. If the file does not exist, only write "
+        "the commands of the sweep to it, for a robot to play.",
     ),
     dry_run: DryRun = False,
 ) -> None:
@@ -236,7 +234,7 @@ def collect_command(
 
         run_stage(play_stage(plan), setup, out, dry_run)
     elif dry_run:
-        raise UsageError("collect: --dry-run goes with a recording, not with --plan, which makes none")
+        raise UsageError("collect: --dry-run cannot be combined with --plan, which makes no recording")
     else:
         from gpsim.stages.collect import write_plan
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 runs_app = typer.Typer(
     no_args_is_help=True,
-    help="What is in runs/: list, show, compare, remove. Nothing that something else needs is removed.",
+    help="List, show, compare and remove artifacts in runs/. An artifact that another one needs is never removed.",
 )
 RunsDir = Annotated[
     Path, typer.Option("--runs-dir", help="The folder of the artifacts, as runs_dir= of a stage.")
@@ -27,7 +27,7 @@ Beside = Annotated[
     list[Path] | None,
     typer.Option(
         "--beside",
-        help="Look for artifacts that `--out` wrote here, too: what they need stays. May be repeated.",
+        help="Also search this folder for artifacts of `--out`, and keep what they need. May be repeated.",
     ),
 ]
 Name = Annotated[
@@ -38,7 +38,7 @@ Names = Annotated[
 ]
 Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before.")]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Say what would go and how many bytes; remove nothing.")
+    bool, typer.Option("--dry-run", help="Show what would be removed and how many bytes; remove nothing.")
 ]
 WIDTH = 160  # of a table where there is no terminal that has one
 RUNS = Path("runs")
@@ -53,12 +53,10 @@ def _runs() -> None:
 def list_command(
     experiment: Annotated[str | None, typer.Option("--experiment", help="Only of this experiment.")] = None,
     stage: Annotated[str | None, typer.Option("--stage", help="Only of this stage.")] = None,
-    verify: Annotated[
-        bool, typer.Option("--verify", help="Look at every byte, for what has changed.")
-    ] = False,
+    verify: Annotated[bool, typer.Option("--verify", help="Check every byte for changes.")] = False,
     runs_dir: RunsDir = RUNS,
 ) -> None:
-    """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
+    """Every artifact: its result, state (finished, stale, broken), date, seed and size."""
     # Imported here: the stages take seconds to load, and `--help` should not wait for them.
     from gpsim.reports.loop_page import terminal_table
     from gpsim.reports.runs_text import listing_lines, listing_sheet
@@ -74,12 +72,12 @@ def list_command(
 def show_command(
     name: Name,
     whole: Annotated[
-        bool, typer.Option("--all", help="The configuration, package versions and files, too.")
+        bool, typer.Option("--all", help="Also show the configuration, package versions and files.")
     ] = False,
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """One artifact, every byte verified: what it was made from, what was made of it, its figures."""
+    """Show one artifact and verify every byte: its inputs, what was made from it, its figures."""
     from gpsim.reports.runs_text import shown_lines
     from gpsim.stages.runs import show_run
 
@@ -90,7 +88,7 @@ def show_command(
 
 @runs_app.command("diff")
 def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Beside = None) -> None:
-    """How two artifacts differ: configuration key by key, files, seeds, parents, code, packages, figures."""
+    """Compare two artifacts: configuration key by key, files, seeds, parents, code, packages, figures."""
     from gpsim.reports.runs_text import compared_lines
     from gpsim.stages.runs import compare_runs
 
@@ -103,14 +101,14 @@ def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Besid
 def rm_command(
     names: Names,
     with_dependents: Annotated[
-        bool, typer.Option("--with-dependents", help="Remove all that needs them as well.")
+        bool, typer.Option("--with-dependents", help="Also remove everything that needs them.")
     ] = False,
     dry_run: DryRun = False,
     yes: Yes = False,
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """Remove artifacts that nothing else needs; what does need them is named."""
+    """Remove artifacts that nothing else needs; otherwise name what needs them."""
     from gpsim.stages.runs import plan_removal
 
     planned = plan_removal(runs_dir, names, with_dependents, dry_run, beside or ())
@@ -126,7 +124,9 @@ def gc_command(
     keep: Annotated[
         int | None,
         typer.Option(
-            "--keep", min=0, help="Old versions, too, that nothing needs: all but the newest N of a stage."
+            "--keep",
+            min=0,
+            help="Also remove old versions that nothing needs: all but the newest N of a stage.",
         ),
     ] = None,
     dry_run: DryRun = False,
@@ -134,7 +134,7 @@ def gc_command(
     runs_dir: RunsDir = RUNS,
     beside: Beside = None,
 ) -> None:
-    """Remove what processes left unfinished and, with --keep N, old versions that nothing needs."""
+    """Remove unfinished artifacts and, with --keep N, old versions that nothing needs."""
     from gpsim.stages.runs import plan_gc
 
     planned = plan_gc(runs_dir, keep, dry_run, beside or ())
@@ -158,5 +158,5 @@ def _agreed(planned: Removed, yes: bool) -> bool:
     if yes:
         return True
     if asked() or not sys.stdin.isatty():
-        raise UsageError("runs: nobody to ask; add --yes to remove this, --dry-run to look alone")
+        raise UsageError("runs: no terminal to ask; add --yes to remove this, or --dry-run for a preview")
     return typer.confirm("remove?")

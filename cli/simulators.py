@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 simulators_app = typer.Typer(
     no_args_is_help=True,
-    help="Simulators: those registered, your own, and MuJoCo models (which need the extra mujoco).",
+    help="Simulators: built-in ones, your own, and MuJoCo models (which need the extra mujoco).",
 )
 Name = Annotated[
     str,
     typer.Argument(
         metavar="SIMULATOR",
-        help="A registered one, FILE.py:ClassName, robot.xml, robot.urdf, FILE.py:function or gym:ID.",
+        help="A built-in one, FILE.py:ClassName, robot.xml, robot.urdf, FILE.py:function or gym:ID.",
     ),
 ]
 MOST = 12  # pairs that are told
@@ -42,7 +42,7 @@ OTHERS = {
 
 @simulators_app.command("list")
 def list_command() -> None:
-    """Which simulators there are."""
+    """List the simulators."""
     from gpsim.simulators import SIMULATORS
 
     say_all(SIMULATORS)
@@ -53,7 +53,7 @@ def list_command() -> None:
 
 @simulators_app.command("show")
 def show_command(name: Name) -> None:
-    """What a simulator declares: coordinates, state, actions, parameters, and what can be corrected."""
+    """Show a simulator: coordinates, state, actions, parameters, and the effects that can be tested."""
     from gpsim.mjcf import declared, open_simulator
 
     named(name)
@@ -64,7 +64,7 @@ def show_command(name: Name) -> None:
 
 @simulators_app.command("check")
 def check_command(name: Name) -> None:
-    """What a MuJoCo model is like: all that `show` says, its speed, its energy, what is hard to tell apart."""
+    """Check a MuJoCo model: the output of `show`, its speed, its energy, and parameters that are hard to separate."""
     import numpy as np
 
     from gpsim.mjcf import MjcfSimulator, checked, declared, open_simulator
@@ -72,9 +72,7 @@ def check_command(name: Name) -> None:
     named(name)
     simulator = open_simulator(name)
     if not isinstance(simulator, MjcfSimulator):
-        raise UsageError(
-            f"{name}: `check` is for MuJoCo models; `gpsim diagnose` tries equations of your own by itself"
-        )
+        raise UsageError(f"{name}: `check` is for MuJoCo models; `gpsim diagnose` checks your own equations")
     facts, tried = declared(simulator), checked(simulator, np.random.default_rng(0))
     _tell(facts)
     _tell_checked(tried)
@@ -104,9 +102,9 @@ def _tell_checked(facts: Checked) -> None:
     drift = "nothing moves" if facts.energy_drift is None else f"{facts.energy_drift:.2g} of what moves"
     say(f"energy       changes by {drift} in 1 s of free motion at its own step")
     if not facts.confusable:
-        say("confusable   nothing, where all joints move")
+        say("hard to separate: nothing, if all joints move")
         return
-    say("confusable (cosine of what they change):")
+    say("hard to separate (cosine of their effects):")
     for one, other, alike in facts.confusable[:MOST]:
         say(f"  {alike:.3f}  {one} and {other}")
     if len(facts.confusable) > MOST:
@@ -125,7 +123,7 @@ Of = Annotated[list[str] | None, typer.Option("--effects", metavar="FILE.py", he
 
 @effects_app.command("list")
 def list_effects(effects: Of = None) -> None:
-    """Which effects there are, where they act, and which a diagnosis asks unless told otherwise."""
+    """The catalogue: each effect, where it acts, and whether it is tested by default."""
     from gpsim.effects import CATALOGUE
 
     rows = [(f, e.site, "asked" if e.asked else "on request") for f, e in CATALOGUE.items()]
@@ -137,7 +135,7 @@ def list_effects(effects: Of = None) -> None:
 
 @effects_app.command("show")
 def show_effect(name: EffectName) -> None:
-    """What an effect is: its law, where it acts, its parameters, where it is from."""
+    """Show an effect: its law, where it acts, its parameters, its reference."""
     from gpsim.effects import PLACE, effect_of
 
     effect = _one(name).effect if ".py" in name else effect_of(name)
@@ -192,14 +190,15 @@ def check_effect(
     name: Own,
     simulator: Annotated[str | None, typer.Option("--simulator", help="Where it is tried.")] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="The law alone: no world is made and diagnosed.")
+        bool,
+        typer.Option("--quick", help="Test the law only, without simulating and diagnosing a recording."),
     ] = False,
     keep: Annotated[
-        Path | None, typer.Option("--keep", help="Write the world's recording to this folder.")
+        Path | None, typer.Option("--keep", help="Write the simulated recording to this folder.")
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the world.")] = 0,
 ) -> None:
-    """Whether a law is one: shapes, numbers, rest; then whether it is found again, and what else would explain it."""
+    """Check a law: shapes, numbers, rest; whether it is found again, and which effects would replace it."""
     from gpsim.effects import bring
     from gpsim.files import disk_errors, written_whole
     from gpsim.recordings import write_recording
@@ -210,7 +209,7 @@ def check_effect(
         wrong += bool(check.wrong)
         say(f"{check.question:32} {check.wrong or 'yes'}")
     if wrong:
-        raise UsageError(f"{brought.reference}: {wrong} of the checks above failed in law")
+        raise UsageError(f"{brought.reference}: {wrong} of the checks above failed for the law")
     bring([brought])
     model, on = systems_for(brought, simulator)
     if keep is not None:
@@ -223,7 +222,7 @@ def check_effect(
     if quick:
         answer(effect=brought.effect.family, right=True)
         return
-    note(f"a world of {model.name} with it is made and diagnosed twice: some tens of seconds")
+    note(f"a world of {model.name} with it is simulated and diagnosed twice: some tens of seconds")
     found = recovered(brought, model, on, seed)
     _tell_recovered(found)
     answer(effect=brought.effect.family, right=found.right, recovered=asdict(found))
@@ -233,8 +232,8 @@ def _tell_recovered(found: Recovered) -> None:
     sizes = ", ".join(f"{name} {got:.4g} of {true:.4g}" for name, (true, got) in found.sizes.items())
     told = f"{found.verdict}: {', '.join(found.said) or 'nothing'}{f' ({sizes})' if sizes else ''}"
     say(f"{'recovered from a world with it':32} {'yes, ' if found.right else 'no, '}{told}")
-    others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % of that world without it"
-    say(f"{'confusable with':32} {others if found.confusable else f'nothing: {others}'}")
+    others = f"{', '.join(found.instead) or 'nothing'} explains {100 * found.explained:.1f} % without it"
+    say(f"{'hard to separate from':32} {others if found.confusable else f'nothing: {others}'}")
 
 
 def _one(name: str) -> Brought:

@@ -48,11 +48,11 @@ def _values(word: str) -> list[str]:
         if not override.is_sweep_override():
             return [word]
         if says_where(word):
-            raise UsageError(f"{word}: where the jobs run is one choice; a list is written [a,b]")
+            raise UsageError(f"{word}: a launcher setting takes one value; write a list as [a,b]")
         if "glob(" in word:
-            raise UsageError(f"{word}: list the choices, as gp=raw,jump; there is no glob here")
+            raise UsageError(f"{word}: list the choices, as gp=raw,jump; patterns are not supported")
         if not override.is_discrete_sweep():
-            raise UsageError(f"{word}: an interval has no end of values; give range(...) or a list, as 1,2,3")
+            raise UsageError(f"{word}: an interval is not a list of values; use range(...) or 1,2,3")
         found = [str(value) for value in islice(override.sweep_string_iterator(), MOST + 1)]
     except (HydraException, ValueError, TypeError) as error:
         raise UsageError(f"{word}: {' '.join(str(error).split())[:200]}") from error

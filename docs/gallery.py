@@ -21,13 +21,13 @@ FIGURE = "held_out_rollout.png"
 WIDTH, COLOURS = 640, 48  # of a picture: pixels, and of its palette
 HEAD = """# Gallery
 
-Accounts, right and wrong: of files of data/, of logs of real machines, and of concealed worlds of a proof. The pictures
-show the measurement in grey, the simulator as it was believed dashed, and the corrected one in blue. Both begin at the
-measured state, anew every second or so, in a part of the recording that nothing was fitted to. Where nothing is claimed
-there is no blue line.
+Accounts, right and wrong, from files of data/, logs of real machines, and simulated worlds of a blind test. The
+figures show the measurement in grey, the base simulator dashed, and the corrected simulator in blue. Both simulators
+restart at the measured state about every second, in a held-out part of the recording. If nothing is claimed, there is
+no blue line.
 
-`python docs/gallery.py WORK` makes this page from what the commands below leave in the folder WORK. The public logs are
-not part of the project: [where they are from](../data/README.md#public-sets).
+`python docs/gallery.py WORK` makes this page from the results of the commands below in the folder WORK. The public
+logs are not part of the project ([sources](../data/README.md#public-sets)).
 """
 
 
@@ -37,7 +37,7 @@ def said(found: Diagnosis) -> str:
     joints = {row.whole.partition(" on ")[0]: row.whole for row in rows_of(headline, found) if row.members}
     claims = [*joints.values(), *(e.sentence for e in headline if noun(e.family) not in joints)]
     slight = len(found.effects) - len(headline)
-    beside = f"; {slight} small correction{'s' if slight > 1 else ''} beside" if slight else ""
+    beside = f"; {slight} small correction{'s' if slight > 1 else ''} in addition" if slight else ""
     share = found.explained.rollout
     explained = "" if share is None else f" Explained: {percent(share.share)} % of the mismatch."
     told = "; ".join(claims) or "no effect is claimed"
@@ -67,9 +67,9 @@ def section(account: dict[str, str], work: Path) -> str:
 
 ![{account["title"]}: measured, base and corrected]({picture(account["name"], folder)})
 
-- **Known before:** {account["known"]}
-- **gpsim said:** {said(found)}
-- **Afterwards:** {account["right"]}
+- **Prior knowledge:** {account["known"]}
+- **Account:** {said(found)}
+- **Judgement:** {account["right"]}
 """
 
 

@@ -83,7 +83,7 @@ def regular_bytes(path: Path, most: int) -> bytes:
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:
         facts = os.fstat(stream.fileno())
         if not stat.S_ISREG(facts.st_mode):
-            raise UsageError(f"{path}: is no ordinary file; put the file itself there")
+            raise UsageError(f"{path}: is not a regular file; put the file itself there")
         if facts.st_size > most:
             raise UsageError(f"{path}: {facts.st_size} bytes; the limit is {most}")
         return stream.read(most)
@@ -120,7 +120,7 @@ def in_words(error: Exception) -> str:
 def file_digest(path: Path) -> str:
     """sha256 of a file, read in chunks; raises UsageError where it cannot be read."""
     if path.exists() and not path.is_file():  # a pipe is waited for, a device read, for ever
-        raise UsageError(f"{path}: is no ordinary file; name the file itself")
+        raise UsageError(f"{path}: is not a regular file; name the file itself")
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -158,7 +158,7 @@ def unreadable(path: Path, error: OSError) -> UsageError:
     """The one line about a file or a folder that cannot be read."""
     where = path if error.filename is None else error.filename
     return UsageError(
-        f"{where}: cannot be read ({error.strerror or error}); make it readable, or name another"
+        f"{where}: cannot be read ({error.strerror or error}); make it readable, or name another file"
     )
 
 

@@ -57,4 +57,4 @@ def more(found: float | None = None, limit: float | None = None) -> str:
     """What to do where a sound file is beyond a limit. found, limit: how far it is beyond it, where that is known."""
     needed = 4.0 if found is None or not limit else max(2.0, math.ceil(found / limit))
     said = max(needed, 2 * factor()) if found is None else needed
-    return f"if it is sound, allow more: {VARIABLE}={said:g}"
+    return f"if it is valid, allow more: {VARIABLE}={said:g}"

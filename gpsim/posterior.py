@@ -80,7 +80,7 @@ class Explanation:
             if not np.isfinite([low, high]).all():
                 raise UsageError(
                     f"the posterior is singular, the recording does not determine {p.name} of {term.family} on "
-                    f"{term.on}; record what does (the account's Next says what), or leave robustness=posterior out"
+                    f"{term.on}; make the recording in the account's Next, or remove robustness=posterior"
                 )
             sizes.append(Size(i, p.name, term.values[p.name], low, high, p.low, p.high))
         scale = np.sqrt(np.maximum(np.diag(self.covariance), LEAST_VARIANCE))
@@ -250,7 +250,7 @@ def left_open_from(data: Mapping[str, Any], where: str) -> LeftOpen:
         found = tuple(map(_explanation_from, data["explanations"]))
         return LeftOpen(found, float(data["level"]), noise, left, visited)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UsageError(f"{where}: not a posterior that this version reads ({error!r})") from error
+        raise UsageError(f"{where}: not a posterior that this version can read ({error!r})") from error
 
 
 def from_two_files(drawn: Mapping[str, Any], planned: Mapping[str, Any]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def own_folder(path: Path) -> Path:
             place.mkdir(mode=0o700)
         found = place.lstat()
         if not stat.S_ISDIR(found.st_mode):
-            raise ExposedError(f"{place} is a link or a file, no folder")
+            raise ExposedError(f"{place} is a link or a file, not a folder")
         _check(place, found, owners=(os.getuid(),))
     return place
 

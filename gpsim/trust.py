@@ -107,9 +107,9 @@ def _check(digest: str, reference: str, what: str, kept: str, option: str = "--s
     elif digest not in known:
         named = reference.removesuffix(":")  # a file without a class in it
         raise UsageError(
-            f"{named}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
-            "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it where a "
-            f"command takes {option} {named}{why}"
+            f"{named}: not run: {what} would run with your rights, and only data (a recording, a mapping or a "
+            "diagnosis) name its present version; read it, then allow it with --trust (in Python trust=True), or by "
+            f"naming it where a command takes {option} {named}{why}"
         )
     allowed.add(digest)
 
@@ -149,7 +149,7 @@ def _remembered() -> tuple[dict[str, str], str]:
         folder = _folder()
         return _read(own_folder(folder) / FILE) if folder.is_dir() else ({}, "")
     except (OSError, ExposedError, RuntimeError) as error:
-        return {}, f" (what you allowed before is not read: {error})"
+        return {}, f" (earlier permissions cannot be read: {error})"
 
 
 def _read(path: Path) -> tuple[dict[str, str], str]:
@@ -159,7 +159,7 @@ def _read(path: Path) -> tuple[dict[str, str], str]:
     except FileNotFoundError:
         return {}, ""
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        return {}, f" (what you allowed before is not read: {path}: {error})"
+        return {}, f" (earlier permissions cannot be read: {path}: {error})"
     return known, ""
 
 

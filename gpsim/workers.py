@@ -103,14 +103,14 @@ def undisturbed() -> Iterator[None]:
 
 
 class WorkerDiedError(UsageError):
-    """A worker process is gone in the middle of its work.
+    """A worker process is gone during a call.
 
     how: in words, as "crashed (SIGSEGV)"; killed: from outside.
     """
 
     def __init__(self, how: str, killed: bool) -> None:
         self.how, self.killed = how, killed
-        super().__init__(f"a worker process {how}; run the same command to carry on")
+        super().__init__(f"a worker process {how}; run the same command to continue")
 
 
 class WorkerPool(ProcessPoolExecutor):

@@ -82,7 +82,7 @@ def test_help_lists_the_stages_in_order(gpsim):
         (["collect", "collect.source=nowhere.bag"], "error: nowhere.bag: no such file or folder"),
         (
             ["run", "full-loop", "polcy.gamma=1"],
-            "error: no setting 'polcy.gamma' (did you mean policy?); the top level has:",
+            "error: no setting 'polcy.gamma' (did you mean policy?); --show-config lists all settings",
         ),
         (["evaluate", "evaluate.policies=[Best]"], "error:"),
         (
@@ -114,7 +114,7 @@ def test_help_lists_the_stages_in_order(gpsim):
             ["run", "full-loop", "diagnose.episodes=99"],
             "diagnose.episodes=99: collect.episodes=20 are recorded",
         ),
-        (["run", "full-loop", "deployed=x.bag"], "deployed= scores logs of a policy, without a loop"),
+        (["run", "full-loop", "deployed=x.bag"], "deployed= scores logs of a policy and needs no loop"),
         (["fit-gp", "gp.inputs=[x, sign(x)]"], "gp.inputs=[x, sign(x)]: not a value that Hydra reads"),
         (
             ["fit-gp", "gp.inputs=[x,x_dot"],
@@ -144,11 +144,11 @@ def test_help_lists_the_stages_in_order(gpsim):
         (["collect", "collect.policy=sweep"], "a sweep needs the bounds of speed and turn rate"),
         (
             ["collect", "experiment=limo", "collect.mapping=dart_csv"],
-            "collect.mapping=dart_csv: a sweep's bag holds v_cmd, w_cmd under one topic",
+            "collect.mapping=dart_csv: the bag of a sweep has v_cmd, w_cmd in one topic",
         ),
         (
             ["run", "full-loop", "experiment=limo", "collect.mapping=dart_csv"],
-            "collect.mapping=dart_csv: a sweep's bag holds v_cmd, w_cmd under one topic",
+            "collect.mapping=dart_csv: the bag of a sweep has v_cmd, w_cmd in one topic",
         ),
         (
             ["run", "full-loop", "collect.source=nowhere.bag"],
@@ -161,7 +161,7 @@ def test_help_lists_the_stages_in_order(gpsim):
         ),
         (
             ["run", "full-loop", "diagnosis=nowhere"],
-            "error: nowhere: not an artifact (no such folder); give a folder that `gpsim diagnose` has made",
+            "error: nowhere: not an artifact (no such folder); give a folder made by `gpsim diagnose`",
         ),
         (["collect", "collect.source=[]"], "collect.source: name a log, or several as [a.bag, b.bag]"),
         (["collect", "collect.source=3"], "collect.source: expected a list of texts"),

@@ -68,7 +68,7 @@ def test_ones_own_choice_wins_over_the_shipped_one_of_that_name(tmp_path):
     assert resolve(["gp=raw"], folder)["gp"] == resolve(["gp=raw"], None)["gp"]
     assert resolve([], None)["gp"]["n_train"] == 250
     (folder / "config.yaml").write_text("seed: 1\n")
-    with pytest.raises(UsageError, match=r"its config\.yaml would replace all of gpsim's settings"):
+    with pytest.raises(UsageError, match=r"its config\.yaml would replace all settings of gpsim"):
         resolve([], folder)
 
 
@@ -100,7 +100,7 @@ def test_a_setting_that_was_taken_away_is_named_where_it_is_read():
             "no 'rau' among the choices of gp \\(did you mean 'raw'\\?\\); there are: arrived, chained, chained_limo, double_pendulum, jump, observations, observations_limo, raw, sweep$",
         ),
         (["gp.n_trian=5"], r"no setting 'gp.n_trian' \(did you mean gp.n_train\?\); gp has: n_train, "),
-        (["sed=3"], r"no setting 'sed' \(did you mean seed\?\); the top level has: "),
+        (["sed=3"], r"no setting 'sed' \(did you mean seed\?\); --show-config lists all settings"),
         (["seed.x=3"], "no setting 'seed.x'"),
         (["gp.n_train"], "'gp.n_train' is not a setting: write key=value"),
         (["seed.x=3"], "no setting 'seed.x'; seed is a value"),

@@ -102,11 +102,11 @@ def test_residuals_of_observations_have_more_rows_and_less_noise(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "gp.observations: nobody says how noisy x is"),
-        (("gp.filter=true",), "gp.observations: states are estimated without a filter"),
+        ((), "gp.observations: the noise of x is unknown"),
+        (("gp.filter=true",), "gp.observations: it estimates states without the command filter"),
         (("gp.observations.rounds=0",), "gp.observations: rounds must be at least 1"),
         (("gp.observations=3",), "gp.observations: expected settings"),
-        (("gp.observations.noise={x: 0}",), "gp.observations: nobody says how noisy x is"),
+        (("gp.observations.noise={x: 0}",), "gp.observations: the noise of x is unknown"),
     ],
 )
 def test_observations_that_nothing_can_be_made_of_are_one_line(tmp_path, words, said):

@@ -65,7 +65,7 @@ def test_what_is_left_out_over_a_gap_is_said(tmp_path):
     meta = json.loads((made.path / "residuals.json").read_text())
     assert meta["rows"] == {"training": 3 * 75, "test": 75, "over_a_gap": 8}
     assert build_residuals.notes(made)[0] == (
-        "225 training and 75 test transitions; 8 over 1.8 control steps left out: rows are missing there"
+        "225 training and 75 test transitions; 8 over 1.8 control steps left out, because rows are missing"
     )
     whole = tmp_path / "whole"
     whole.mkdir()
@@ -124,7 +124,7 @@ def test_more_rows_than_an_exact_fit_takes_are_refused_with_the_subsample_that_f
     build_residuals.STAGE.make(request(*words))
     with pytest.raises(UsageError, match=r"^gp.n_train=80: 80 distinct training inputs") as refused:
         fit_gp.STAGE.make(request(*words))
-    assert "give gp.n_train=40, which are drawn from all by seed" in str(refused.value)
+    assert "set gp.n_train=40 to draw that many with the seed" in str(refused.value)
     fit_gp.STAGE.make(request(*words, "gp.n_train=40"))
     with pytest.raises(UsageError, match="n_train=41: 41"):
         fit_gp.STAGE.make(request(*words, "gp.n_train=41"))
@@ -158,7 +158,7 @@ def test_an_angle_that_wraps_in_the_recording_alone_goes_through_the_whole_evalu
 
 @pytest.mark.parametrize("experiment", ["cartpole", "limo"])
 def test_target_and_simulator_have_one_pace(experiment):
-    with pytest.raises(UsageError, match=r"target.dt=0.05 is not simulator.dt=.*leave it out") as caught:
+    with pytest.raises(UsageError, match=r"target.dt=0.05 is not simulator.dt=.*remove it") as caught:
         target_plant(request(f"experiment={experiment}", "target.dt=0.05").config)
     assert "\n" not in str(caught.value)
     both = request(f"experiment={experiment}", "simulator.dt=0.05")

@@ -166,7 +166,7 @@ def test_a_step_that_is_no_number_is_refused_wherever_it_is(tmp_path):
     with pytest.raises(UsageError) as caught, np.errstate(all="ignore"):
         turntable(tmp_path, law, angles, speeds)
     said = str(caught.value)
-    assert "angle after a step is not finite (nan) where the recording's episode 1, row 1234 has been" in said
+    assert "angle after a step is not finite (nan) at episode 1, row 1234 of the recording" in said
     assert "angle=0.123456" in said
     assert "table.py" in said
     assert "\n" not in said

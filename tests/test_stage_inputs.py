@@ -89,7 +89,7 @@ def diagnosed(tmp_path, plant, config=None, gp=False, found=None):
             {},
             "corrects the simulator slider, this experiment's is cartpole; choose a diagnosis of",
         ),
-        ("cartpole", 0.1, {}, "choose simulator.dt=0.1, or diagnose a recording at"),
+        ("cartpole", 0.1, {}, "choose simulator.dt=0.1, or diagnose a recording with"),
         ("cartpole", 0.02, {"cart_mass": 0.3}, "choose simulator.parameters.cart_mass=0.3, or diagnose"),
         ("cartpole", 0.0201, {}, None),
     ],
@@ -219,7 +219,7 @@ def test_a_sweep_is_logged_where_its_mapping_will_look():
     plain = resolve(["experiment=limo"], None)
     for changes in ([], moved):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": changes}}))
-    with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
+    with pytest.raises(UsageError, match=r"the mapping needs x \(topic /robot/pose\), y \(topic /vrpn"):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": moved[:1]}}))
 
 

@@ -35,9 +35,9 @@ def test_every_combination_the_last_word_fastest(words, swept):
 @pytest.mark.parametrize(
     ("word", "said"),
     [
-        ("gp.noise_floor=interval(0,1)", "an interval has no end of values"),
+        ("gp.noise_floor=interval(0,1)", "an interval is not a list of values"),
         ("gp=glob(*)", "list the choices"),
-        ("launcher=slurm,dask", "where the jobs run is one choice"),
+        ("launcher=slurm,dask", "a launcher setting takes one value"),
         ("seed=1,1", "a value is there twice"),
         ("seed=range(1000000)", "more than 100000 combinations"),
         ("gp.n_train=((", "gp.n_train"),

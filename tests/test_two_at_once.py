@@ -53,7 +53,7 @@ def test_the_second_waits_for_the_first_and_takes_what_it_made(tmp_path):
     with started(tmp_path) as first:
         assert line(first) == "writing"
         with started(tmp_path) as second:
-            assert line(second) == f"waiting for process {first.pid}, which makes the same"
+            assert line(second) == f"waiting for process {first.pid}, which is making it"
             (tmp_path / "go").touch()
             made = tmp_path / "runs/any/slow/v0001"
             assert line(first) == f"{made} False"
@@ -130,5 +130,5 @@ def test_a_disk_without_locks_makes_nobody_wait(tmp_path, monkeypatch):
 
 def test_what_is_waited_for_is_said_at_once(capsys):
     with Board() as board:
-        board.update("collect", 0, 0, "waiting for process 7, which makes the same")
-    assert capsys.readouterr().err == "  collect: waiting for process 7, which makes the same\n"
+        board.update("collect", 0, 0, "waiting for process 7, which is making it")
+    assert capsys.readouterr().err == "  collect: waiting for process 7, which is making it\n"

@@ -42,19 +42,18 @@ def write_page(root: Path, grounds: Sequence[Ground], cells: Sequence[Cell]) -> 
 def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
     """The lines of the page."""
     lines = [
-        "# gpsim beside its peers", "",
-        "Made by `python benchmarks/peers.py --keep`, from the cells in `benchmarks/peers.json`,",
-        "which these made:",
+        "# gpsim and other methods", "",
+        "`python benchmarks/peers.py --keep` makes this page from the results in `benchmarks/peers.json`, which were",
+        "computed with:",
         "",
         f"    pip install -c constraints.txt -e '.[peers]'\n    {COMMAND}", "",
-        "Every peer gets the same training part, its own defaults and a small grid, judged on a held-out part of",
-        "the training part; nobody sees the test part. gpsim is told nothing but the plain simulator. Seconds are of",
-        "processors, imports among them, one thread each, on a machine with other work. A cell that was not run is no",
-        "result, and says so.", "",
-        "Of the TX40, the robots and the trainings these cells went through the command: the maker's model and figaroh",
-        "on the TX40, mujoco.sysid told by hand on so101, all of Limo. The others called the same functions before the",
-        "command held them, and the seconds of CartPole's leave out what its peers share.",
-        "", "![Error against seconds, a dot a peer and ground](../images/peers.svg)",
+        "Every method gets the same training part. A small grid is searched on a held-out part of it; the test part is",
+        "never used. gpsim only knows the plain simulator. Times are processor seconds of one thread, with imports,",
+        "on a shared machine. Results that were not computed are marked.", "",
+        "The command computed these results for the TX40 (the maker's model and figaroh), for so101 (mujoco.sysid with",
+        "the missing effects given) and for Limo. The others come from the same functions, before the command existed.",
+        "The times on CartPole exclude the shared part.",
+        "", "![Error against processor time, one dot per method and task](../images/peers.svg)",
     ]  # fmt: skip
     for ground in grounds:
         lines += section(ground, [c for c in cells if c["ground"] == ground.name])

@@ -11,8 +11,8 @@ from typing import Any
 from peer_grounds.contract import Answer, Ground, Peer, Task
 
 SYSID = (
-    "its own optimiser (50 iterations) on windows of the training part, of 0.2 or of 1 s: whichever did better on its "
-    "last fifth"
+    "its own optimiser (50 iterations) on windows of 0.2 or 1 s of the training part, whichever is better on its last "
+    "fifth"
 )
 
 
@@ -58,8 +58,8 @@ def joint_by_joint(cells: Sequence[dict[str, Any]]) -> str:
             shares = " | ".join(f"{share:.3g}" for share in cell["details"]["torque"]["by_joint"])
             lines.append(f"| {cell['peer']} | {shares} |")
     why = (
-        "Motor 6 turns joints 5 and 6 together, and so does its friction. figaroh's columns and the tendon say so; a "
-        "model with friction at each joint alone cannot, and gpsim has no place for a law but joints and motors."
+        "Motor 6 turns joints 5 and 6 together, and its friction acts on both. figaroh and the tendon model this; a "
+        "model with separate friction at each joint cannot, and gpsim only has laws at joints and motors."
     )
     return "\n".join([*lines, "", why])
 
@@ -82,14 +82,14 @@ def side_by_side(cells: Sequence[dict[str, Any]]) -> str:
             both += 1
             better = ours["scores"]["left"]["value"] < theirs["scores"]["left"]["value"]
             ahead, quick = ahead + better, quick + (better and ours["processor_s"] <= theirs["processor_s"])
-    total = f"gpsim, told nothing, is ahead of mujoco.sysid told by hand on {ahead} of {both}"
+    total = f"gpsim is ahead of mujoco.sysid with the given effects on {ahead} of {both}"
     return "\n".join(
         [
             "Left after 0.2 s, after 1 s; processor seconds.",
             "",
             *lines,
             "",
-            f"{total}, on {quick} at no more seconds.",
+            f"{total}, and on {quick} it is not slower.",
         ]
     )
 
@@ -104,11 +104,11 @@ def said(cell: dict[str, Any]) -> str:
 TX40 = Ground(
     "tx40",
     "Staubli TX40, six joints",
-    "the first four fifths of what moves train, the last fifth tests",
+    "the first four fifths of the motion are for training, the last fifth is for testing",
     "torque",
     ("torque", "torque, joints 1-4", "left, 0.2 s", "left, 1 s"),
     (
-        Peer("as-it-is", "the maker's model as it is", arm("as-it-is"), "parameters", ("mujoco",)),
+        Peer("as-it-is", "the maker's model unchanged", arm("as-it-is"), "parameters", ("mujoco",)),
         Peer(
             "figaroh",
             "figaroh",
@@ -132,7 +132,7 @@ TX40 = Ground(
             arm("mujoco-sysid-wrist"),
             "parameters",
             ("mujoco", "colorama"),
-            what="the same with a tendon for the motor that turns joints 5 and 6, of which a user has to know",
+            what="the same with a tendon for the motor that turns joints 5 and 6, which the user must know",
         ),
         Peer(
             "gpsim-effects",
@@ -140,7 +140,7 @@ TX40 = Ground(
             arm("gpsim-effects"),
             "gpsim",
             ("mujoco",),
-            what="`gpsim diagnose`, told nothing",
+            what="`gpsim diagnose` with default settings",
         ),
     ),
     absent=no_arm,
@@ -148,24 +148,24 @@ TX40 = Ground(
 )
 SCOREBOARD = Ground(
     "scoreboard",
-    "six robots of the scored logs",
-    "what each log holds out tests; a cell a robot. Left: of the error of the model as it is, geometric mean over "
-    "joints (and over 0.2 and 1 s)",
+    "Six robots of the scored logs",
+    "the held-out part of each log is for testing, one robot per result. Left: share of the original model's error, "
+    "geometric mean over joints (and over 0.2 and 1 s)",
     "left",
     ("left", "left, 0.2 s", "left, 1 s"),
     (
-        Peer("as-it-is", "the model as it is", robot("as-it-is"), "parameters", ("mujoco",)),
+        Peer("as-it-is", "the original model", robot("as-it-is"), "parameters", ("mujoco",)),
         Peer(
             "mujoco-sysid-told",
-            "mujoco.sysid, told by hand what is missing",
+            "mujoco.sysid, given the missing effects",
             robot("mujoco-sysid-told"),
             "parameters",
             ("mujoco", "colorama"),
-            what=f"only what the references name is free; {SYSID}",
+            what=f"only the effects in the references are free; {SYSID}",
         ),
         Peer(
             "mujoco-sysid-all",
-            "mujoco.sysid, told everything",
+            "mujoco.sysid, everything free",
             robot("mujoco-sysid-all"),
             "parameters",
             ("mujoco", "colorama"),
@@ -177,7 +177,7 @@ SCOREBOARD = Ground(
             robot("gpsim-effects"),
             "gpsim",
             ("mujoco",),
-            what="`gpsim diagnose`, told nothing",
+            what="`gpsim diagnose` with default settings",
         ),
     ),
     seeds=(0, 1, 2, 3, 4, 5),

@@ -11,7 +11,7 @@ WHAT = {
     "domain-randomisation": (
         "domain randomisation",
         "parameters",
-        "parameters and gains within +-10 % an episode",
+        "parameters and gains vary by ±10 % per episode",
     ),
     "tuned-parameters": (
         "tuned parameters alone",
@@ -21,9 +21,9 @@ WHAT = {
     "delta-action": (
         "delta action (ASAP)",
         "black box",
-        "a network adds to the action what makes the simulator follow the recording (He et al. 2025, "
-        "arXiv:2502.01143); the best added action is solved for and regressed on by two layers of 64 units, which the "
-        "last fifth stops",
+        "a network adds an action that makes the simulator follow the recording (He et al. 2025, "
+        "arXiv:2502.01143); the best action is computed and learned by two layers of 64 units, with early stopping on "
+        "the last fifth",
     ),
     "gpsim-gp": (
         "a Gaussian process alone",
@@ -33,7 +33,7 @@ WHAT = {
     "gpsim-effects-gp": (
         "gpsim: effects and Gaussian process",
         "gpsim",
-        "what the diagnosis named, and the rest",
+        "the named effects, and a Gaussian process for the rest",
     ),
 }
 
@@ -98,17 +98,17 @@ def ground(task: str, title: str, split: str) -> Ground:
 
 
 SPLIT = (
-    "one recording of the target a seed; the same training steps, algorithm and seeds for all; {} on 200 starts of the "
+    "one recording of the target per seed; equal training steps, algorithm and seeds for all; {} on 200 starts of the "
     "target. Processor seconds of the first peer of a seed include the recording, the fit and the diagnosis. "
-    "GPSIM_TRAINING_SHARE=1 trains as long as `gpsim run full-loop`"
+    "With GPSIM_TRAINING_SHARE=1, training takes as long as in `gpsim run full-loop`"
 )
 GROUNDS = (
     ground(
         "cartpole",
-        "training in the corrected simulator: CartPole, PPO",
+        "Training in the corrected simulator: CartPole, PPO",
         SPLIT.format("100 000 steps; return"),
     ),
     ground(
-        "limo", "training in the corrected simulator: Limo, SAC", SPLIT.format("15 000 decisions; return")
+        "limo", "Training in the corrected simulator: Limo, SAC", SPLIT.format("15 000 decisions; return")
     ),
 )

@@ -1,4 +1,4 @@
-"""Sixty concealed worlds where a regression on a library can play: gpsim's own blind test draws them.
+"""Sixty simulated machines where a regression on a library can play: gpsim's own blind test draws them.
 
 The worlds are those of `gpsim prove --seed 7100` in which every true effect is a term of the peers' library
 (gpsim.trials.sindy) and acts everywhere: the first thirty with effects and the first thirty with nothing missing. The
@@ -304,18 +304,18 @@ def peer(name: str, title: str, namer: Namer | None, kind: str, needs: tuple[str
 
 GROUNDS = (
     Ground(
-        "worlds", "Sixty concealed worlds",
-        "thirty worlds with one to three effects and thirty with nothing missing, drawn with seed 7100; "
+        "worlds", "Sixty simulated machines",
+        "thirty machines with one to three effects and thirty without defects, drawn with seed 7100; "
         "nothing was tuned on them",
         "right name", ("right name", "false alarms", "sizes within 5 %", "size, median error"),
         (
-            peer("gpsim", "gpsim", None, "gpsim", (), "nothing: blind, the defaults"),
+            peer("gpsim", "gpsim", None, "gpsim", (), "default settings, blind"),
             peer("pysindy", "PySINDy", by_regression(pysindy_select), "parameters", ("pysindy",),
-                "told the force that lacks and a library with the truth in it; its threshold by BIC, of ten"),
+                "is given the missing force and a library with the truth; the threshold is the best of ten by BIC"),
             peer("sysidentpy", "SysIdentPy, FROLS", by_regression(frols_select), "parameters", ("sysidentpy",),
-                "told the same; the number of terms by BIC"),
+                "is given the same; the number of terms by BIC"),
             peer("pysr", "PySR", by_regression(pysr_select), "parameters", ("pysr",),
-                "told the same; 20 iterations, sums and products of the library's terms"),
+                "is given the same; 20 iterations, sums and products of the library's terms"),
         ),
         more_is_better=True,
     ),

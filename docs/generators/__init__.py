@@ -1,3 +1,3 @@
 """Pages of docs/ that are made from the code and from records: see docs/generate.py."""
 
-MADE = "Made by `python docs/generate.py` from {source}; a test holds it current."
+MADE = "`python docs/generate.py` makes this page from {source}; a test keeps it current."

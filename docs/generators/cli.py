@@ -11,10 +11,10 @@ HEAD = f"""# Commands
 
 {MADE.format(source="the command line itself")}
 
-Every command takes `-h` or `--help`, which shows what stands here, and `-q` or `--quiet`, before it or behind it: no
-progress and no notes on stderr. `--trust` is an option of every command, too: it lets Python files run that only data
-name ([what runs](../how-to/trust.md)). A setting is a word, `key=value`; `--show-config` prints all of a command's. Bad
-input ends in one line that says what, where and what to do."""
+Every command accepts `-h` or `--help`, which prints the text of this page. `-q` or `--quiet`, before or after the
+command, suppresses progress and notes on stderr. `--trust` allows Python files that are only named in data
+([which code runs](../how-to/trust.md)). A setting is a `key=value` word; `--show-config` prints all settings of a
+command. Bad input gives one line that names the fault, its place and the remedy."""
 EVERYWHERE = ("--help", "--quiet", "--trust")
 
 

@@ -9,22 +9,22 @@ HEAD = f"""# Configuration
 
 {MADE.format(source="`conf/`")}
 
-A configuration is a choice of each group, `gp=raw`, and changes of single values, `gp.n_train=500`. `gpsim STAGE
---show-config` prints the result. A folder of your own with the same groups goes before these:
-`gpsim fit-gp --config-dir my_configs gp=mine` takes `my_configs/gp/mine.yaml`. The thresholds of the diagnosis have
+A configuration consists of one choice per group, as in `gp=raw`, and of single values, as in `gp.n_train=500`.
+`gpsim STAGE --show-config` prints the result. Your own folder with the same groups takes precedence:
+`gpsim fit-gp --config-dir my_configs gp=mine` reads `my_configs/gp/mine.yaml`. The thresholds of the diagnosis have
 [a page of their own](settings.md), and mappings are explained in [import a log](../how-to/import.md#the-mapping)."""
 WHAT = {
-    "experiment": "What is simulated, driven, asked and trained, as a whole.",
-    "budget": "How much of it.",
-    "simulator": "What we believe.",
-    "target": "What is recorded.",
-    "task": "What a policy is to do, where it starts, and when an episode ends.",
+    "experiment": "A complete experiment: simulator, target, task and training.",
+    "budget": "How much to compute.",
+    "simulator": "The base simulator.",
+    "target": "The machine that is recorded.",
+    "task": "The task of a policy, its start states, and the end of an episode.",
     "policy": "How a policy is trained.",
-    "gp": "What the Gaussian processes see, and how they are fitted.",
+    "gp": "The inputs of the Gaussian processes, and their fit.",
     "launcher": "Where independent jobs run ([run on a cluster](../how-to/cluster.md)).",
-    "plan": "What may be played next, and how it is chosen ([plan](../how-to/plan.md)).",
-    "watch": "When an account no longer holds ([watch](../how-to/watch.md)).",
-    "mapping": "Which field of a log is which channel.",
+    "plan": "Limits and choice of the next commands ([plan](../how-to/plan.md)).",
+    "watch": "Detection of changes ([watch](../how-to/watch.md)).",
+    "mapping": "The assignment of log fields to channels.",
 }
 
 

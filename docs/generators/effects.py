@@ -28,66 +28,66 @@ OF_MODELS = [f"`{family}`" for family, effect in CATALOGUE.items() if effect.act
 """Families of [models of bodies](../how-to/mujoco.md)."""
 HEAD = f"""# The catalogue of effects
 
-{MADE.format(source="`gpsim/effects/registry.py`")}
-It is what `gpsim diagnose` may name. Names of families and parameters are a contract of
-[diagnosis.json](files.md#diagnosisjson).
+{MADE.format(source="`gpsim/effects/registry.py`")} `gpsim diagnose` can name these effects. The names of families and
+parameters are those in [diagnosis.json](files.md#diagnosisjson).
 
-In a law q is a coordinate, q' its velocity, u a command, y what a sensor says, v and w a vehicle's speed and
-turn rate; the names of the other [symbols](../method/notation.md) are those of the parameters. In a unit, U is
-the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
+In a law, q is a coordinate, q' its velocity, u a command, y a sensor reading, and v and w are a vehicle's speed and
+turn rate. The other [symbols](../method/notation.md) are the names of the parameters. In a unit, U is the unit of the
+quantity on which the effect acts (for a coordinate its force, N or N m), and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
 TAIL = f"""\
-`end_stop` has one edge where a recording shows one. It is asked where a force that is missing bends inward near an end
-of the way, with at most 8 % of the rows beyond; `cogging_force` where one repeats along the way, two and a half times
-at the least: what was not seen to repeat may be any curve. `torque_speed_limit` and `load_friction` are asked where a
-command is the force that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have
-the lowest or the highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing;
-`overflow` is for states that are neither a coordinate nor its velocity. `sensor_lag` is asked where a speed and its
-position are both measured, of the one that trails the other: of readings that all trail alike it cannot be told from
-an actuator's lag.
-`clock_drift` makes commands later and later since the recording's clock began; it is asked where {TOLERATED:g} ppm
-come to a step at the end, and grows to 0.4 s at most, or to what a delay may be. A clock that is fast would have
-commands act before they are given, and is not asked.
-`flexible_coupling` is asked of a command that is the force that drives a coordinate, of a MuJoCo model of motors, and
-on request alone (`diagnose.families.also`) where a robot is not [asked by itself](../method/mujoco.md#what-yields):
-three numbers and a swing of their own come near to delays, lags and whatever else swings. Its swing is integrated
-exactly over a step, however stiff it is.
-`lugre_friction` is asked on request alone, too, but of robots, as bristles may bend by any way and each is tried; they
-are integrated exactly for an even speed, so that no stiffness asks for shorter steps.
-For [MuJoCo models](../how-to/mujoco.md) alone are {", ".join(OF_MODELS)}; the last where every joint has an actuator.
-*May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
-moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
-function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
-drawn, because the effect remembers, ages, is a number, or moves a whole pose. `coefficient` stands in the place
-of `force` where the simulator knows the normal force.
+*May be limited*: the effect may act only in a `region` (an interval of a position), from a start time (`since`) or,
+if every episode has its own clock, from an episode (`since_episode`). *Law is a function of* names the input of the
+free curve that tests the law; it is `nothing` if there is no such curve, as for effects with memory, parameters and
+poses. `coefficient` replaces `force` if the simulator knows the normal force.
 
-Up to seven effects are named together. Several on one action, twist or sensor act in a fixed order, the
-physical one, whatever order they were found in. A family applies to every simulator that has such a place:
-coordinates, actions, parameters and channels are what [a simulator declares](../how-to/simulator.md). A family
-of your own: [bring an effect](../how-to/effect.md). Which of them a recording may be unable to tell apart:
-[limits](../method/limits.md#what-looks-alike)."""
+Some families are tested only under conditions:
+
+- `end_stop`: a missing force points inward near an end of the range, with at most 8 % of the rows beyond. It has one
+  edge if the recording shows only one.
+- `cogging_force`: the missing force repeats at least two and a half times within the range.
+- `torque_speed_limit` and `load_friction`: the command is the force that drives a coordinate.
+- `sensor_saturation` and `overflow`: many readings have the lowest or the highest value. `overflow` also needs a
+  state that is neither a coordinate nor its velocity.
+- `sensor_dead_zone`: many readings are exactly 0, and small ones are missing.
+- `sensor_lag`: both a position and its speed are measured, and one trails the other. A common lag of all readings
+  looks like a lag of the actuator.
+- `clock_drift` (commands that are increasingly late): {TOLERATED:g} ppm amount to at least one step at the end. The
+  delay grows to at most 0.4 s, or to the limit of a delay. A fast clock would make commands act before they are
+  given, and is not tested.
+- `flexible_coupling`: MuJoCo models with motors ([conditions](../method/mujoco.md#elastic-joints-and-presliding)).
+  For other simulators it is tested on request only (`diagnose.families.also`), because it resembles delays, lags and
+  other oscillations. Its oscillation is integrated exactly, for any stiffness.
+- `lugre_friction`: on request only, except for robots. The bristles are integrated exactly at constant speed, so a
+  high stiffness needs no shorter step.
+- {", ".join(OF_MODELS)}: [MuJoCo models](../how-to/mujoco.md) only. The last one requires an actuator at every joint.
+
+An account names up to seven effects. Several effects on one action, twist or sensor act in their physical order. A
+family applies to every simulator that has such a place: the coordinates, actions, parameters and channels that
+[it declares](../how-to/simulator.md). [Bring an effect](../how-to/effect.md) explains how to add a family, and
+[limits](../method/limits.md#what-looks-alike) lists effects that are hard to separate."""
 
 
 OF = {
     "1": "",
-    "size": "of the usual size there",
-    "speed": "of the usual speed there",
-    "size / speed": "of usual force over usual speed",
-    "size / speed^2": "of usual force over usual speed squared",
-    "size / reach": "of usual force over reach",
-    "size / reach^3": "of usual force over reach cubed",
-    "1 / reach": "over the recording's length",
+    "size": "times the usual size there",
+    "speed": "times the usual speed there",
+    "size / speed": "times usual force over usual speed",
+    "size / speed^2": "times usual force over usual speed squared",
+    "size / reach": "times usual force over range",
+    "size / reach^3": "times usual force over range cubed",
+    "1 / reach": "over the range of the recording",
     "step": "steps of the recording",
 }
-"""In what a usual range is counted."""
+"""The unit of a usual range."""
 USUAL = f"""\
 ## Sizes that machines have
 
-Within these ranges every size is as good as any other. What multiplies (masses, gains) is log-normal about 1 a priori,
-with a standard deviation of {LOG_SIZE:g}. An unusual law beyond its range does not stand; a usual one is told, and
-[diagnosis.json](files.md#diagnosisjson) says of it that it is `implausible`: twice beyond it is not `named`.
-What begins at 0 counts from the value that does nothing, in either direction; of what begins above 0
-the ratio counts. Families that are not here have no such range. *By reason*: nobody has measured it.
+Within these ranges all sizes are equally plausible. Factors (masses, gains) have a log-normal prior around 1 with a
+standard deviation of {LOG_SIZE:g}. An unusual law outside its range is rejected. A usual one is reported and marked
+`implausible` in [diagnosis.json](files.md#diagnosisjson). More than a factor of two outside the range, the verdict is
+not `named`. A range that starts at 0 counts from the value without effect, in both directions; otherwise the ratio
+counts. Other families have no such range. *By reason* marks an estimate without a measurement.
 
 | family | parameter | usual | source |
 |---|---|---|---|"""
@@ -95,8 +95,8 @@ the ratio counts. Families that are not here have no such range. *By reason*: no
 
 MEASURED = """## Measured curves
 
-No families of the catalogue, and offered by no search: they stand where none of its laws holds
-([measured curves](../method/diagnosis.md#measured-curves)). `diagnose.families.without` leaves them out."""
+These curves are used if no law of the catalogue holds ([how](../method/diagnosis.md#measured-curves)).
+`diagnose.families.without` leaves them out."""
 
 
 def effects_page() -> str:
@@ -120,7 +120,7 @@ def effects_page() -> str:
         usual,
         MEASURED,
         curves,
-        "## Where the laws are from",
+        "## References of the laws",
         sources,
     ]
     return "\n\n".join(parts) + "\n"
@@ -136,9 +136,9 @@ def _usual_machines() -> str:
     ]
     head = f"""## What is usual
 
-A diagnosis fits all of this at once, and takes away what the recording does not ask for. A law that is not here must
-bring {laws.unusual:g} nats more beside its price (drag {laws.drag:g}, what is rare {laws.rare:g}) and a good part
-of what the usual ones leave. `diagnose.families.usual` and `.unusual` change the table for a machine of yours.
+A diagnosis fits all usual laws at once, and removes those that the recording does not need. Any other law must
+improve the fit by {laws.unusual:g} nats more than its price (drag {laws.drag:g}, rare laws {laws.rare:g}), and remove
+a good part of the remaining error. `diagnose.families.usual` and `.unusual` change this table for your machine.
 
 | kind | family | why |
 |---|---|---|

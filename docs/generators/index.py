@@ -4,22 +4,29 @@ from mkdocs_hooks import DOCS, FOLDERS, pages_of, title_of
 
 from . import MADE
 
-HEAD = f"""# gpsim
+HEAD = """# gpsim
 
-{MADE.format(source="the pages themselves")}
+**Your simulator and your robot disagree. gpsim says why.** It compares a recording with the simulator and names the
+physics that is missing, such as friction, an actuator delay or a wrong mass, with sizes and error bars. A Gaussian
+process learns the rest. You get a corrected simulator in which to train policies.
 
-gpsim finds the physics that a simple simulator left out, from recordings of the real thing. It names effects with
-their sizes, learns the rest with a Gaussian process, and trains policies in the corrected simulator.
+![The account of a cart on a track: dry friction and an actuator delay are missing](images/diagnosis.png)
 
-![What a diagnosis says of a cart on a track](images/diagnosis.png)
+    gpsim diagnose data/cart.csv --simulator cartpole       # a log -> the missing physics, with sizes
+    gpsim run full-loop experiment=cartpole                 # the loop: record, diagnose, train, compare
 
-    gpsim diagnose data/cart.csv --simulator cartpole       # a log -> which physics is missing, how much, how sure
-    gpsim run full-loop experiment=cartpole                 # the whole loop: record, diagnose, train, compare"""
+Start with [a first diagnosis in ten minutes](tutorial/first_diagnosis.md), or look at
+[a gallery of accounts](gallery.md), right and wrong.
+
+![Score against processor time for every method on seven tasks](images/peers.svg)
+
+[The comparison with other methods](method/peers.md) and the
+[results](results.md) give each number with its command."""
 WHAT = {
-    "tutorial": "To learn it: pages to follow from the first line to the last.",
-    "how-to": "To do one thing.",
-    "reference": "To look something up.",
-    "method": "To understand how it works, and how far to trust it.",
+    "tutorial": "Follow these pages from the first line to the last.",
+    "how-to": "Each page solves one task.",
+    "reference": "Look up commands, settings, files and terms.",
+    "method": "How it works, and how far to trust it.",
 }
 
 
@@ -30,7 +37,7 @@ def index_page() -> str:
         lines = [f"- [{title_of(DOCS / name)}]({name})" for name in pages_of(folder)]
         parts.append(f"## {title}\n\n{WHAT[folder]}\n\n" + "\n".join(lines))
     parts.append(
-        "## Results\n\n[What was measured](results.md), each figure with the command that makes it. "
-        "[A gallery](gallery.md) of accounts, right and wrong."
+        "## Results\n\n- [Results](results.md): each number with the command that makes it.\n"
+        "- [Gallery](gallery.md): accounts, right and wrong."
     )
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join([*parts, MADE.format(source="the pages themselves")]) + "\n"

@@ -14,16 +14,16 @@ RECORDS = Path(__file__).resolve().parents[2] / "benchmarks" / "proofs"
 HEAD = f"""# Blind tests, seed by seed
 
 {MADE.format(source="`benchmarks/proofs/*.json`")}
-What is concealed and what counts is on [the page of the blind test](METHOD/blind_test.md). How a record comes here:
-[repeat a proof](HOW_TO/prove.md#publish-a-record).
+[The blind test](METHOD/blind_test.md) describes the worlds and the scoring. [Repeat a blind
+test](HOW_TO/prove.md#publish-a-record) explains how a record is added.
 
-Each seed was run once, with worlds that nothing had been tuned on. Its answers were hashed before the first
-diagnosis and opened after the last. The worlds of a seed that was opened serve for tuning, and the next one is
-new. So the columns are of different worlds, and their rules differ a little: each seed says in what."""
+Each seed was run once, with worlds that were not used for tuning. Its answers were hashed before the first
+diagnosis and opened after the last one. An opened seed may be used for tuning, so the next measurement needs a
+new seed. The columns therefore use different worlds and slightly different rules, which each section explains."""
 NOTE = """\
-`!`: that seed's own goal was missed. Up to seed 2031 a figure itself had to reach its goal, and the goals were
-95, 88 and 75 % of worlds with one, two and three effects, and 90 % outside the catalogue. The interval of a
-share, with every other table and every miss, is with its seed. Seconds are of one core, beside another trial."""
+`!`: that seed missed its goal. Up to seed 2031, the estimate itself had to reach the goal, and the goals were 95, 88
+and 75 % of worlds with one, two and three effects, and 90 % outside the catalogue. The section of each seed has the
+intervals, all tables and all misses. Times are seconds of one core, with another trial on the other core."""
 
 
 def proofs_page() -> str:

@@ -85,12 +85,12 @@ class Recipe:
             return hashlib.sha256(canonical(content)).hexdigest()
         except ValueError as error:
             raise UsageError(
-                f"{self.stage}: a setting is not finite; give a number, or null where that is a choice"
+                f"{self.stage}: a setting is not finite; give a number, or null where allowed"
             ) from error
         except TypeError as error:  # YAML knows dates, JSON does not
             raise UsageError(
-                f"{self.stage}: a setting is neither number, text, list nor mapping ({error}); "
-                "quote dates, as '2026-01-31'"
+                f"{self.stage}: a setting must be a number, text, list or mapping ({error}); quote dates, as "
+                "'2026-01-31'"
             ) from error
 
 
@@ -117,7 +117,7 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     artifact = read_manifest(path, stage)
     expected, made_by = artifact.manifest["files"], artifact.stage
     if stage is not None and made_by != stage:
-        give = f"give a folder that `gpsim {stage}` has made"
+        give = f"give a folder made by `gpsim {stage}`"
         raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'; {give}")
     actual = folder_digests(path)
     for name in sorted(set(expected) | set(actual)):
@@ -136,9 +136,7 @@ def read_manifest(path: Path, stage: str | None = None) -> Artifact:
         whole = recorded == hashlib.sha256(canonical(manifest)).hexdigest()
     except (FileNotFoundError, NotADirectoryError) as error:
         why = f"no {MANIFEST}" if path.exists() else f"no such folder{near_path(path)}"
-        give = (
-            f"give a folder that `gpsim {stage or 'STAGE'}` has made; `gpsim runs list` names those in runs/"
-        )
+        give = f"give a folder made by `gpsim {stage or 'STAGE'}`; `gpsim runs list` names those in runs/"
         raise UsageError(f"{path}: not an artifact ({why}); {give}") from error
     except OSError as error:
         raise unreadable(path / MANIFEST, error) from error

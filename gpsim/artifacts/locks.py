@@ -141,7 +141,9 @@ def erase(path: Path) -> None:
         with suppress(OSError):
             path.unlink()
     if path.exists() or path.is_symlink():
-        raise UsageError(f"{path}: cannot be removed whole; make what it holds writable, then: gpsim runs gc")
+        raise UsageError(
+            f"{path}: cannot be removed completely; make its contents writable, then: gpsim runs gc"
+        )
 
 
 def _opened(lock: Path, how: int) -> IO[bytes]:
@@ -169,7 +171,7 @@ def needed(paths: Iterable[Path]) -> Iterator[None]:
     """
     with ExitStack() as stack:
         for path in dict.fromkeys(paths):
-            gone = UsageError(f"{path}: removed while something was to be made of it; run again")
+            gone = UsageError(f"{path}: removed before it could be used; run again")
             try:
                 descriptor = os.open(path, os.O_RDONLY)
             except FileNotFoundError as error:

@@ -101,7 +101,7 @@ class CommandFilter:
         try:
             return cls(tuple(data["delay"]), tuple(data["time_constant"]), float(data["dt"]))
         except (KeyError, TypeError, ValueError) as error:
-            raise UsageError(f"not a command filter that this version reads: {error!r}") from error
+            raise UsageError(f"not a command filter that this version can read: {error!r}") from error
 
 
 def mean_rates(plant: SimulatorPlant, states: FloatArray, actions: FloatArray) -> FloatArray:

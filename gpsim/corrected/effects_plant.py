@@ -253,5 +253,5 @@ def plant_from(
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(
-            f"corrected.json: not a corrected simulator that this version reads ({error!r})"
+            f"corrected.json: not a corrected simulator that this version can read ({error!r})"
         ) from error

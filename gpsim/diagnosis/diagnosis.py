@@ -90,7 +90,7 @@ def _answer(
     """What may be said: nothing of an account that is no better than the base on held-out data."""
     question, judgement, curves = climbed.question, climbed.judgement, climbed.curves
     settings = question.run.settings
-    step("attribute", 80, "how much of the mismatch each effect is")
+    step("attribute", 80, "computing the share of each effect")
     attribution = attribute(question, judgement.leader, judgement.null, judgement.without, judgement.gains)
     step("rung 4", 88, "comparing on held-out data")
     comparison = compare(question, judgement, attribution, offers, rng)

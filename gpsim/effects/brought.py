@@ -71,7 +71,7 @@ INPUTS: Mapping[str, tuple[str, ...]] = {
 drives, too; a parameter as it is believed; a vehicle's speed, sideways speed and turn rate; what a sensor reads."""
 RETURNS: Mapping[str, str] = {
     "force": "the force on the coordinate",
-    "friction": "the most that dry friction can resist with, at least 0",
+    "friction": "the largest dry friction force, at least 0",
     "actuator": "what the simulator gets",
     "drive": "what the drive gives",
     "parameter": "the parameter's value",
@@ -133,10 +133,10 @@ def bring(given: Iterable[Brought]) -> tuple[str, ...]:
         family = one.effect.family
         if family in CATALOGUE:
             raise UsageError(
-                f"{one.reference}: the catalogue has a family '{family}': call yours otherwise (`family = ...`)"
+                f"{one.reference}: the catalogue already has a family '{family}': rename yours (`family = ...`)"
             )
         if family in names:
-            raise UsageError(f"{one.reference}: two effects have the family '{family}': call one otherwise")
+            raise UsageError(f"{one.reference}: two effects have the family '{family}': rename one")
         names.append(family)
         _standing[family] = one
         FAMILIES[family] = one.effect
@@ -254,16 +254,16 @@ def again(origins: Mapping[str, Mapping[str, str]], where: str) -> tuple[Brought
         if not digest:
             if reference not in packages:
                 raise UsageError(
-                    f"{where}: the effect '{family}' is from {reference}, which is not here: install that package, or "
-                    "open it in the program that has it"
+                    f"{where}: the effect '{family}' is from {reference}, which is not installed: install that "
+                    "package, or open the diagnosis in the program that has it"
                 )
             out.append(packages[reference])
             continue
         (one,) = read_effects(reference)
         if one.digest != digest:
             raise UsageError(
-                f"{where}: the effect '{family}' is from {reference} as that file was then, and it has changed since: "
-                "diagnose the recording again, or bring that file back"
+                f"{where}: the effect '{family}' is from an earlier version of {reference}: diagnose the recording "
+                "again, or restore that file"
             )
         out.append(one)
     return tuple(out)
@@ -274,7 +274,7 @@ def adapted(instance: Any, reference: str) -> Effect:
     if isinstance(instance, Effect):
         for name in ("family", "function_of"):
             if not isinstance(getattr(instance, name, None), str):
-                raise UsageError(f"{reference}: '{name}' must be said, as in a family of gpsim.effects")
+                raise UsageError(f"{reference}: '{name}' is missing, which a family of gpsim.effects needs")
         vars(instance)["asked"] = False  # nobody asks for it but who brought it
         return instance
     said = getattr(instance, "site", None)
@@ -355,8 +355,8 @@ class _Plain(Effect):
         numbers = np.issubdtype(array.dtype, np.number) or array.dtype == np.bool_
         if array.shape not in ((), (rows,)) or not numbers:
             raise UsageError(
-                f"{self.reference}: law must return {rows} numbers, one a row of the batch, got shape {array.shape} of "
-                f"{array.dtype}"
+                f"{self.reference}: law must return {rows} numbers, one per row of the batch, got shape {array.shape} "
+                f"of {array.dtype}"
             )
         return np.array(np.broadcast_to(array, (rows,)), dtype=np.float64).reshape(shape)
 
@@ -366,7 +366,7 @@ def _family(instance: Any, reference: str) -> str:
     said = getattr(instance, "family", "") or re.sub(r"(?<!^)(?=[A-Z])", "_", type(instance).__name__).lower()
     if not isinstance(said, str) or not re.fullmatch(r"[a-z][a-z0-9_]*", said):
         raise UsageError(
-            f"{reference}: 'family' must be a name of small letters, digits and underscores, got {said!r}"
+            f"{reference}: 'family' must consist of lower-case letters, digits and underscores, got {said!r}"
         )
     return said
 
@@ -403,8 +403,8 @@ def _parameter(name: str, said: Any, none: float, reference: str) -> EffectParam
     limit = math.isinf(none)
     if not limit and not low <= none <= high:
         raise UsageError(
-            f"{reference}: parameters['{name}'] does nothing at {none:g}, which is not between {low:g} and {high:g}: "
-            "widen its bounds, or say where it does nothing in 'nothing' (inf of a limit)"
+            f"{reference}: parameters['{name}'] has no effect at {none:g}, which is not between {low:g} and {high:g}: "
+            "widen its bounds, or set the value without effect in 'nothing' (inf for a limit)"
         )
     scale = max(abs(starts[0] - (0.0 if limit else none)), STEPS * (high - low))
     return EffectParameter(name, unit, low, high, starts, scale, 0.0 if limit else none, falls=limit)
@@ -414,7 +414,7 @@ def _check_law(instance: Any, site: Site, reference: str) -> None:
     law, declared = getattr(instance, "law", None), getattr(instance, "parameters", {})
     memory = tuple(getattr(instance, "memory", ()))
     if memory and site != "actuator":
-        raise UsageError(f"{reference}: 'memory' is an actuator's; a law at the site {site} has none")
+        raise UsageError(f"{reference}: only actuators have 'memory'; a law at the site {site} has none")
     expected = [*INPUTS[site], *map(str, declared), *(("memory", "step") if memory else ())]
     if not callable(law):
         raise UsageError(f"{reference}: it needs a method law(self, {', '.join(expected)})")

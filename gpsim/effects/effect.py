@@ -375,7 +375,7 @@ class SensorEffect(Effect):
             else 0.0 * read[:, 0]
         )
         rest = type(self).rest
-        assert rest is not None, f"{self.family} does not say how it rests"
+        assert rest is not None, f"{self.family} does not define its rest value"
         known = {"reading": read[:, 0], "slope": slope, **values}
         kept = rest(*(known[name] for name in arguments(rest)))
         memory = {name: np.array(value) for name, value in zip(self.memory, kept, strict=True)}

@@ -30,7 +30,7 @@ def register(effects: Sequence[Effect]) -> Mapping[str, Effect]:
         if effect.family in out:
             raise ValueError(f"the family '{effect.family}' is registered twice")
         if not hasattr(effect, "function_of"):
-            raise ValueError(f"the family '{effect.family}' does not say what its law is a function_of")
+            raise ValueError(f"the family '{effect.family}' does not define function_of for its law")
         out[effect.family] = effect
     return out
 

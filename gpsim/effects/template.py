@@ -21,7 +21,7 @@ class {name}:
     parameters = {{"{parameter}": ({unit!r}, {low}, {high}, {start})}}  # unit, low, high, where a fit starts
 
     def law(self, {inputs}, {parameter}):
-        # {returns}; all are arrays, one entry a row of the batch: write no loop, and change none of them
+        # {returns}; all are arrays with one entry per row of the batch: use no loop, and do not change them
         return {formula}
 '''
 TEST = '''"""Run it with pytest, beside {file}.py."""
@@ -56,31 +56,31 @@ class Example:
 
 EXAMPLES: Mapping[str, Example] = {
     "force": Example(
-        "It pulls back in proportion to how far it is paid out, and never pushes: -k max(q, 0).",
+        "It pulls back in proportion to its extension, and never pushes: -k max(q, 0).",
         "weight", "N/m", ("0.0", "50.0", "1.0"), "-weight * np.maximum(q, 0.0)", "[0.0, 0.0, -2.0]",
     ),
     "friction": Example(
         "Dry friction of one size.", "force", "N", ("0.0", "50.0", "1.0"), "force + 0.0 * speed", "[1.0, 1.0, 1.0]",
     ),
     "actuator": Example(
-        "Positive commands lose a part, negative ones do not: u - w max(u, 0).",
+        "Positive commands lose a part, negative commands do not: u - w max(u, 0).",
         "loss", "1", ("0.0", "0.9", "0.5"), "u - loss * np.maximum(u, 0.0)", "[-1.0, 0.0, 1.0]",
     ),
     "drive": Example(
-        "A drive that gives less the faster it turns: u / (1 + a abs(speed)).",
+        "A drive that weakens with speed: u / (1 + a abs(speed)).",
         "fall", "s/m", ("0.0", "10.0", "0.5"), "u / (1.0 + fall * np.abs(speed))", "one / (1.0 + 0.5 * np.abs(one))",
     ),
     "parameter": Example(
-        "A parameter that is so much larger than believed.",
+        "A parameter that is larger than in the simulator.",
         "more", "1", ("-0.5", "5.0", "0.5"), "believed * (1.0 + more)", "1.5 * one",
     ),
     "vehicle": Example(
-        "It turns less the faster it goes: w (1 - a abs(v)).",
+        "It turns less at higher speed: w (1 - a abs(v)).",
         "loss", "s/m", ("0.0", "2.0", "0.1"), "v, lateral, w * (1.0 - loss * np.abs(v))",
         "(one, one, one * (1.0 - 0.1 * np.abs(one)))",
     ),
     "sensor": Example(
-        "A sensor that reads large values short: y - a y^3.",
+        "A sensor that reads large values too low: y - a y^3.",
         "cubic", "1", ("0.0", "2.0", "0.1"), "y - cubic * y**3", "one - 0.1 * one**3",
     ),
 }  # fmt: skip
@@ -91,7 +91,7 @@ def template(name: str, site: str) -> dict[str, str]:
     if site not in EXAMPLES:
         raise UsageError(f"--site {site}: there are {', '.join(EXAMPLES)}")
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-        raise UsageError(f"{name}: call it by small letters, digits and underscores, as rubber_band")
+        raise UsageError(f"{name}: use lower-case letters, digits and underscores, as rubber_band")
     example, inputs = EXAMPLES[site], INPUTS[site]
     low, high, start = example.numbers
     words = {

@@ -63,7 +63,7 @@ def tried(effect: Effect, place: Place, rng: np.random.Generator) -> Iterator[Ch
         ask([i[k : k + 1] for i in inputs], {n: v[k : k + 1] for n, v in drawn.items()}) for k in range(ROWS)
     ]
     loop = [np.concatenate([row[part] for row in rows]) for part in range(len(whole))]
-    yield Check("batch = loop", _differs(whole, loop, "a row depends on the others of its batch"))
+    yield Check("batch = loop", _differs(whole, loop, "a row depends on other rows of the batch"))
     yield Check("memory resets", _differs(ask(inputs, drawn), whole, "a second run from the start differs"))
 
 
@@ -89,7 +89,7 @@ def _asked(effect: Effect, rng: np.random.Generator) -> tuple[list[FloatArray], 
     if isinstance(effect, ActuatorEffect):
         commands = np.stack([_some(rng) for _ in range(STEPS)], axis=1)
         return [commands], lambda inputs, values: [_actuated(effect, inputs[0], values)]
-    raise UsageError(f"{effect.family}: a law at the site {effect.site} cannot be tried alone")
+    raise UsageError(f"{effect.family}: a law at the site {effect.site} cannot be tested alone")
 
 
 def _force(effect: ForceEffect, inputs: Sequence[FloatArray], values: Values) -> FloatArray:
@@ -145,7 +145,7 @@ def _finite(
             with np.errstate(all="ignore"):
                 said = ask(inputs, values)
             if not all(np.isfinite(part).all() for part in said):
-                return f"not finite at {p.name} = {end:g}: mend the formula, or its bounds"
+                return f"not finite at {p.name} = {end:g}: correct the formula or its bounds"
     return ""
 
 

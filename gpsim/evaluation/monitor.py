@@ -80,7 +80,7 @@ def usual_errors(
     changes = np.concatenate([difference(s[1:], s[:-1], channels) for s, _ in stretches])
     every = np.concatenate(errors)
     if not np.isfinite(every).all():
-        raise UsageError("the simulator runs away on its own recording: it cannot say what is usual")
+        raise UsageError("the simulator diverges on its own recording, so the usual error is unknown")
     scale = np.sqrt((every**2).mean(axis=0) + 2.0 * noise**2 + (settings.floor * changes.std(axis=0)) ** 2)
     known = Usual(np.maximum(scale, np.finfo(float).tiny), 1.0, len(every))
     block = max(1, round(settings.block / plant.dt))
@@ -111,7 +111,7 @@ def _stretches(episodes: Sequence[Episode], dt: float) -> list[tuple[FloatArray,
         if high > low
     ]
     if not found:
-        raise UsageError("the recording has no two samples in a row: nothing says which errors are usual")
+        raise UsageError("the recording has no two consecutive samples, so the usual error is unknown")
     return found
 
 

@@ -179,7 +179,7 @@ def _numbers(values: ArrayLike, what: str) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise UsageError(f"{what}: expected numbers, got {str(values)[:60]}") from error
     if not np.isfinite(out).all():
-        raise UsageError(f"{what}: holds a number that is not finite")
+        raise UsageError(f"{what}: contains a number that is not finite")
     return out
 
 

@@ -94,8 +94,8 @@ def diagnose(
     here = [name for name in (model.name, *(b.reference for b in brought)) if lives_here(name)]
     if positive(cores, "cores") > 1 and here:
         raise UsageError(
-            f"cores={cores}: {here[0]} lives in this process alone; use cores=1, or write it to a file and name it "
-            "as FILE.py:ClassName"
+            f"cores={cores}: {here[0]} exists in this process only; use cores=1, or write it to a file and name it as "
+            "FILE.py:ClassName"
         )
     asked = read_known(known, families)
     asked = replace(asked, also=(*asked.also, *bring(brought)))

@@ -114,7 +114,7 @@ def make_env(
     if task is not None:
         given = [name for name, value in own.items() if value is not None] + ["vectorised"] * vectorised
         if given:
-            raise UsageError(f"make_env: {', '.join(given)}: of a task of your own, not beside task={task!r}")
+            raise UsageError(f"make_env: {', '.join(given)}: for your own task, not with task={task!r}")
         return _env(plant, _fitting(_task(task, settings | steps), plant), count)
     if settings:
         raise UsageError(
@@ -161,7 +161,7 @@ def _task(task: str | Task, settings: Mapping[str, Any]) -> Task:
         return build(TASKS[choice(task, tuple(TASKS), "task")], settings, "task")
     if settings:
         raise UsageError(
-            f"make_env: {', '.join(settings)}: settings go with a task by name; set them in the task"
+            f"make_env: {', '.join(settings)}: settings need a task name; set them in the task object"
         )
     return task
 
@@ -211,7 +211,7 @@ def _starts(given: Recording | ArrayLike | None, recording: Recording | None, pl
     if isinstance(given, Recording):
         return _states(given, plant)
     if given is None:
-        raise UsageError("make_env: say where episodes begin: starts=, states (N, S) or a recording")
+        raise UsageError("make_env: give the start states: starts=, states (N, S) or a recording")
     try:
         rows = np.atleast_2d(np.asarray(given, dtype=np.float64))
     except (TypeError, ValueError) as error:

@@ -102,7 +102,7 @@ def evaluate(
     if abs(taken.dt - plant.dt) > OWN_DT * plant.dt:
         raise UsageError(
             f"evaluate: the recording's step is {taken.dt:g} s, the simulator's {plant.dt:g} s: its Gaussian process "
-            "is of that step alone"
+            "is valid for that step only"
         )
     return _of_process(plant, taken, positive(steps, "steps"), positive(rollouts, "rollouts"), seed)
 

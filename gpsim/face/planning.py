@@ -66,7 +66,7 @@ def plan(
     from gpsim.stages.plan import Asked, planned  # with pages, which take a second to load
 
     if diagnosis.verdict == "none":
-        raise UsageError("the verdict is none: nothing is missing, and there is nothing to plan for")
+        raise UsageError("the verdict is none: nothing is missing, so there is nothing to plan")
     if not number(minutes, "minutes") > 0.0:
         raise UsageError(f"minutes: expected more than 0, got {minutes:g}")
     stated = {

@@ -63,7 +63,7 @@ def read_recording(
     """
     if mapping is not None:
         if simulator is not None:
-            raise UsageError("read_recording: a mapping names its system; leave simulator out")
+            raise UsageError("read_recording: a mapping names its system; remove simulator")
         from gpsim.stages.import_log import read_logs
 
         paths = [Path(one) for one in ([path] if isinstance(path, str | Path) else path)]
@@ -79,7 +79,7 @@ def read_recording(
     place = Path(path)
     if not place.exists():
         raise UsageError(
-            f"{place}: no such recording{near_path(place)}; give a folder as `gpsim import` makes, or a table"
+            f"{place}: no such recording{near_path(place)}; give a folder made by `gpsim import`, or a table"
         )
     folder = place if place.is_dir() else place.parent
     if (folder / "recording.yaml").is_file() and (place.is_dir() or place.stem == "recording"):
@@ -90,7 +90,7 @@ def read_recording(
             f"`gpsim import --inspect {place}` proposes"
         )
     if simulator is None:
-        raise UsageError(f"{place}: a bare table needs a simulator, which says what its columns are")
+        raise UsageError(f"{place}: a plain table needs a simulator, which defines its columns")
     return read_table(place, load_simulator(simulator))
 
 
@@ -158,7 +158,7 @@ def recording_from_frame(
     for name, deviation in (noise or {}).items():
         choice(name, every.names, "noise")
         if not number(deviation, f"noise: {name}") >= 0.0:
-            raise UsageError(f"noise: {name}: a standard deviation is at least 0, got {deviation:g}")
+            raise UsageError(f"noise: {name}: a standard deviation must be at least 0, got {deviation:g}")
     if held_out is not None and not 0.0 <= number(held_out, "held_out") < 1.0:
         raise UsageError(f"held_out: expected a share in [0, 1), got {held_out:g}")
     if velocities is not None:
@@ -217,7 +217,7 @@ def _check_units(units: Mapping[str, str], simulator: Simulator) -> None:
             )
         if unit != known[name]:
             raise UsageError(
-                f"units: {name} is in {unit}, {simulator.name}'s in {known[name]}: convert the column, and say so"
+                f"units: {name} is in {unit}, {simulator.name}'s in {known[name]}: convert the column and its unit"
             )
 
 
@@ -226,7 +226,7 @@ def _check_steps(recording: Recording) -> None:
     usual = float(np.median(steps))
     if abs(usual - recording.dt) > OWN_DT * recording.dt:
         raise UsageError(
-            f"{FRAME}: dt={recording.dt:g} s, but the usual step of its time is {usual:g} s: mend one of them"
+            f"{FRAME}: dt={recording.dt:g} s, but the usual step of its time is {usual:g} s: correct one of them"
         )
     over = float(np.mean(gaps(np.concatenate([[0.0], np.cumsum(steps)]), recording.dt)))
     if over > MOST_GAPS:

@@ -89,7 +89,7 @@ def simulator_of(recording: Recording, place: Path) -> Simulator:
     """The simulator that a recording names by its `system`, or by its `model`, which may lie in `place` beside it."""
     if lives_here(recording.system):
         raise UsageError(
-            f"the recording is of {recording.system}, which no file holds: give the simulator beside it"
+            f"the recording is for {recording.system}, which is not in a file: also give the simulator"
         )
     return open_simulator(simulator_name(None, recording, place))
 

@@ -243,7 +243,7 @@ class Location:
 class NoGp:
     """Why no Gaussian process models what is left.
 
-    What is left has no structure; or fitting it, or writing it down, failed; or, on training data that it had not seen,
+    What is left has no structure; or fitting it, or writing it down, failed; or, on unseen training data,
     the process makes the error in `channel` (a rate one step ahead, or a measured channel after a `rollout`) so many
     `times` as large; or it explains nothing. Or it `strays`: it does so along free runs of so many `seconds`.
     """

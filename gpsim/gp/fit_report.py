@@ -52,18 +52,18 @@ class AtBound:
 
 _ADVICE: dict[tuple[str, str], str] = {
     ("signal_std", "lower"): "the RBF term is switched off; linear term and noise explain the targets.",
-    ("signal_std", "upper"): "the RBF term acts as a polynomial; predictions between the data are loose.",
+    ("signal_std", "upper"): "the RBF term acts as a polynomial; predictions between the data are uncertain.",
     ("lengthscales", "lower"): "the GP memorises rows instead of learning along this input; add data.",
     ("lengthscales", "upper"): "the RBF term ignores this input.",
     ("linear_stds", "lower"): "the linear term ignores this input.",
-    ("linear_stds", "upper"): "the slope along this input is barely bounded by the prior.",
+    ("linear_stds", "upper"): "the prior hardly limits the slope along this input.",
     ("bias_std", "lower"): "the bias is switched off (the targets are centred already).",
-    ("bias_std", "upper"): "the offset is barely bounded by the prior.",
+    ("bias_std", "upper"): "the prior hardly limits the offset.",
     ("noise_std", "lower"): (
-        "this is the noise floor: the data look noise-free to the GP, so the noise is a choice of the bounds "
-        "and not an estimate, and samples scatter by the latent variance almost alone."
+        "this is the noise floor: the data look noise-free to the GP, so the noise is set by its bound and is not "
+        "an estimate, and samples scatter almost only by the latent variance."
     ),
-    ("noise_std", "upper"): "the noise swallows the targets: the inputs explain nothing.",
+    ("noise_std", "upper"): "all of the targets count as noise: the inputs explain nothing.",
 }
 _HARMLESS = {
     ("signal_std", "lower"),

@@ -291,7 +291,7 @@ def _outcome_of(result: OptimizeResult) -> FitOutcome:
 
 def _data_warnings(inputs: FloatArray, targets: FloatArray) -> tuple[str, ...]:
     found = [
-        f"input column {column} is constant ({inputs[0, column]:g}): the data say nothing about it, "
+        f"input column {column} is constant ({inputs[0, column]:g}): the data do not determine its influence, and "
         "predictions at other values are guesses"
         for column in np.flatnonzero(constant_columns(inputs))
     ]

@@ -52,7 +52,7 @@ class HyperParameters:
         positive = values[: 1 + self.lengthscales.size]
         if not np.all(np.isfinite(values)) or np.any(values < 0.0) or np.any(positive == 0.0):
             raise ValueError(
-                f"hyper-parameters must be finite, not negative, the RBF term's positive: {self}"
+                f"hyper-parameters must be finite and not negative, those of the RBF term positive: {self}"
             )
 
     @property

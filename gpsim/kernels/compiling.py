@@ -80,7 +80,7 @@ def folder() -> Path | None:
                 return place
         except (OSError, RuntimeError, ExposedError) as error:
             refused.append(str(error))
-    _say_once(f"compiled functions are kept nowhere, so each process makes them anew: {'; '.join(refused)}")
+    _say_once(f"compiled functions cannot be stored; each process compiles them: {'; '.join(refused)}")
     return None
 
 

@@ -50,7 +50,7 @@ PATIENCE = 10.0  # s in which a file that was just written here comes in sight o
 CONNECT = 20  # s within which a scheduler answers
 ALONE = 10.0  # s without any worker after which that is said
 DEATHS = 5  # workers that a task may lose before it is given up: a task that kills them would go on for ever
-AGAIN = "run the same command to carry on"
+AGAIN = "run the same command to continue"
 
 
 class DaskWorkers(Place):
@@ -100,8 +100,8 @@ class DaskWorkers(Place):
         except KilledWorker as killed:
             last = getattr(killed.last_worker, "address", killed.last_worker)
             raise UsageError(
-                f"{task.label}: {DEATHS + 1} workers died of it, the last on {last} (out of memory?); give more "
-                f"launcher.memory, or fewer workers a machine, and {AGAIN}"
+                f"{task.label}: {DEATHS + 1} workers died from it, the last on {last} (out of memory?); increase "
+                f"launcher.memory, or use fewer workers per machine, and {AGAIN}"
             ) from killed
         except Exception as error:
             raise JobFailedError(f"{task.label}: {type(error).__name__}: {error}") from error
@@ -127,7 +127,7 @@ class DaskWorkers(Place):
             if isinstance(self._launcher, Slurm):
                 why = "no worker yet, the SLURM jobs are in the queue (squeue --me)"
             elif self._launcher.address is None:
-                why = "the workers that were started here do not come; they are started anew"
+                why = "the workers started here do not respond; starting new ones"
             else:
                 start = f"dask worker {address} --nthreads 1 --nworkers 4"
                 why = f"{address} has no workers; start some with: {start}"
@@ -184,8 +184,8 @@ def _connected(to: Any) -> Iterator[Client]:
         client = Client(to, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise UsageError(
-            f"launcher.address={to}: no Dask scheduler answers ({' '.join(str(error).split())[:120]}); start one with: "
-            "dask scheduler"
+            f"launcher.address={to}: no Dask scheduler answers ({' '.join(str(error).split())[:120]}); start one "
+            "with: dask scheduler"
         ) from error
     try:
         yield client
@@ -250,7 +250,7 @@ def carry_out(errand: Errand) -> Report:
             return Report(node, refusal=str(error))
         except (Exception, SystemExit) as error:
             if isinstance(error, OSError) and tells_of_full_disk(str(error)):
-                said = f"no space left on a disk there ({error}); free some and run again"
+                said = f"no disk space left there ({error}); free some and run again"
                 return Report(node, refusal=said)
             return Report(node, crash=traceback.format_exc())
 
@@ -277,7 +277,7 @@ def _check_shared(folder: Path, mark: str, patience: float) -> None:
         elif time.monotonic() >= until:
             _missed.add(mark)
             raise UsageError(
-                f"{folder}: not the folder in which the command was started: workers need a file system that all share"
+                f"{folder}: not the folder in which the command was started: workers need a shared file system"
             )
         else:
             time.sleep(0.2)

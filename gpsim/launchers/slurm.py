@@ -68,7 +68,7 @@ def check_keys(address: str) -> None:
     """Raise UsageError where a scheduler asks for a certificate and Dask's configuration names none."""
     if address.startswith("tls://") and not _configured():
         raise UsageError(
-            f"launcher.address={address}: a tls:// scheduler wants a certificate: name it in Dask's configuration, as "
+            f"launcher.address={address}: a tls:// scheduler needs a certificate: name it in Dask's configuration, as "
             "distributed.comm.tls.ca-file, .client.cert and .client.key"
         )
 
@@ -174,7 +174,7 @@ class Upkeep(Adaptive):  # type: ignore[misc]
 def slurm_workers(launcher: Slurm) -> Iterator[tuple[Cluster, Upkeep]]:
     """A scheduler in this process, and SLURM jobs whose workers connect to it; they are cancelled with the block."""
     if shutil.which("sbatch") is None:
-        raise UsageError("launcher=slurm: there is no sbatch here; start gpsim where SLURM's commands are")
+        raise UsageError("launcher=slurm: no sbatch found; start gpsim where SLURM's commands are available")
     logs = Path(launcher.logs)
     with ExitStack() as stack:
         with disk_errors(logs, "launcher.logs"):

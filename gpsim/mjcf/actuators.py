@@ -133,8 +133,8 @@ def activations_of(model: Any, where: str) -> Activations:
         current = float(model.actuator_dynprm[i, 0]) > 0.0 and int(model.actuator_actnum[i]) == 1
         if int(kind) not in map(int, kept) or (kind == dyn.mjDYN_DCMOTOR and not current):
             raise UsageError(
-                f"{where}: {called(model, 'actuator', i)} has an activation that no command before it "
-                "tells (a muscle, a controller's integral, heat, bristles); leave that out of the model"
+                f"{where}: {called(model, 'actuator', i)} has an activation that the commands do not determine (a "
+                "muscle, a controller's integral, heat, bristles); remove it from the model"
             )
     limited = np.asarray(model.actuator_actlimited, dtype=np.bool_)[own]
     ends = model.actuator_actrange[own]

@@ -98,7 +98,7 @@ def body_of(
     names = names_of(base, where)
     if int(getattr(base, "nhistory", 0)):
         raise UsageError(
-            f"{where}: it delays actuators or sensors itself; take delay= out of the model: gpsim finds delays"
+            f"{where}: it already delays actuators or sensors; remove delay= from the model: gpsim finds delays"
         )
     base = corrected(base, names, geometry) if geometry else base
     model = copy.copy(base)

@@ -78,7 +78,7 @@ def export_model(
     effects = _account(patch, changes, said, correction)
     changes = [*moved_changes(correction.simulator, moved), *changes]
     apply(spec, body, changes)
-    wanted = _made(spec.compile, f"{name}: does not compile with what was found")
+    wanted = _made(spec.compile, f"{name}: does not compile with the effects that were found")
     text = written(spec.to_xml(), spec, changes, assets)
     check_moved(wanted, correction.simulator)
     temporary = out.with_name(f".{out.name}")
@@ -86,11 +86,11 @@ def export_model(
         with disk_errors(out, "--out"):
             temporary.write_text(text, encoding="utf-8")
         read = partial(mujoco().MjModel.from_xml_path, str(temporary))
-        found = _made(read, f"{out}: MuJoCo does not read back what it wrote", 200)
+        found = _made(read, f"{out}: MuJoCo cannot read its own output", 200)
     finally:
         temporary.unlink(missing_ok=True)
     if names_of(found, out.name).state.names != body.names.state.names:
-        raise UsageError(f"{name}: its joints come back in another order; name them all in the model")
+        raise UsageError(f"{name}: its joints are read back in another order; name all of them in the model")
     difference = largest_difference(wanted, found)
     as_urdf, lost = urdf_of(found, out.stem) if urdf else ("", [])
     told = {"model": out.name, **patch.told}
@@ -126,7 +126,7 @@ def files_of(out: Path, urdf: bool = False) -> dict[str, Path]:
     if out.suffix.lower() not in (".xml", ".mjcf"):
         raise UsageError(f"--out {out}: a corrected model is MJCF; name it robot_corrected.xml")
     if not out.stem.isidentifier():
-        raise UsageError(f"--out {out}: its wrapper is imported by its name; use letters, digits and _ alone")
+        raise UsageError(f"--out {out}: its wrapper is imported by its name; use only letters, digits and _")
     files = {
         "model": out,
         "wrapper": out.with_suffix(".py"),
@@ -136,7 +136,7 @@ def files_of(out: Path, urdf: bool = False) -> dict[str, Path]:
     }
     for path in files.values():
         if path.exists():
-            raise UsageError(f"{path}: exists already; choose another --out, each in a folder of its own")
+            raise UsageError(f"{path}: exists already; choose another --out, each in its own folder")
     if not out.resolve().parent.is_dir():
         raise UsageError(f"{out.parent}: no such folder; make it first")
     return files

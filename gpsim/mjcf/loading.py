@@ -91,7 +91,7 @@ def _loaded(reference: str, digest: str) -> Loaded:
         found = _environment(reference)
         if not isinstance(getattr(found, "model", None), mujoco().MjModel):
             raise UsageError(
-                f"--simulator {reference}: {type(found).__name__} is not built on MuJoCo; bring its robot as robot.xml "
+                f"--simulator {reference}: {type(found).__name__} is not based on MuJoCo; give its robot as robot.xml "
                 "or robot.urdf, or its equations as FILE.py:ClassName"
             )
         model, step = found.model, float(found.dt)
@@ -224,8 +224,7 @@ def spec_of(reference: str) -> Any:
 def _saved(mj: Any, model: Any, reference: str) -> Any:
     """What MuJoCo remembers of the last XML that it read, which must be this model."""
     fault = UsageError(
-        f"{reference}: returns a compiled model of which MuJoCo no longer knows the XML; let the function return the "
-        "mujoco.MjSpec instead"
+        f"{reference}: returns a compiled model without its XML; return the mujoco.MjSpec instead"
     )
     with tempfile.TemporaryDirectory() as folder:
         path = str(Path(folder) / "model.xml")
@@ -271,7 +270,7 @@ def _check_model(model: Any, where: str) -> None:
         bytes(model.names).decode()
     except UnicodeDecodeError as error:
         raise UsageError(
-            f"{where}: a name in it is no UTF-8 text; save the model's files as UTF-8"
+            f"{where}: a name in it is not valid UTF-8; save the model's files as UTF-8"
         ) from error
     fields = {name: getattr(model, name) for name in dir(model) if name.startswith(FINITE)}
     for name, values in (fields | {"gravity": model.opt.gravity}).items():

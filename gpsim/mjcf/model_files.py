@@ -80,9 +80,7 @@ def elements(text: str) -> Iterator[Element | None]:
             raise XmlError(line, "it is no XML: a < that begins no tag")
         declared = token["declared"]
         if declared is not None and _ENTITY.match(declared):
-            raise XmlError(
-                line, "it declares entities, which a model has no use for; write out what they stand for"
-            )
+            raise XmlError(line, "it declares XML entities, which are not allowed; write out their content")
         if token["closed"] is not None:
             if not above or above.pop() != token["closed"]:
                 return
@@ -156,7 +154,7 @@ def _take_model(census: Census, path: Path) -> None:
 
 def _check_made(census: Census, where: str) -> None:
     if census.made > (limit := allowed(MODEL_ELEMENTS)):
-        raise UsageError(f"{where} and what is before it make more than {limit} elements; {more()}")
+        raise UsageError(f"{where} and the elements before it make more than {limit} elements; {more()}")
 
 
 def _take(census: Census, path: Path, times: int) -> None:
@@ -164,9 +162,7 @@ def _take(census: Census, path: Path, times: int) -> None:
     if path in census.open:
         return  # MuJoCo refuses it
     if len(census.open) > INCLUDED:
-        raise UsageError(
-            f"{path}: files that include each other are more than {INCLUDED} deep; put them in one"
-        )
+        raise UsageError(f"{path}: included files are nested more than {INCLUDED} deep; merge them")
     census.files[path] = None
     census.open = (*census.open, path)
     multiples = [times]
@@ -192,8 +188,8 @@ def _count(census: Census, path: Path, element: Element, times: int) -> None:
     _check_made(census, where)
     if census.numbers > allowed(MODEL_NUMBERS):
         raise UsageError(
-            f"{where} asks for room for {census.numbers:.3g} numbers, the limit is "
-            f"{allowed(MODEL_NUMBERS)}; {more(census.numbers, MODEL_NUMBERS)}"
+            f"{where} needs space for {census.numbers:.3g} numbers, the limit is {allowed(MODEL_NUMBERS)}; "
+            f"{more(census.numbers, MODEL_NUMBERS)}"
         )
     census.directories += [element.attributes[d] for d in DIRECTORIES if element.attributes.get(d)]
     for key, name in element.attributes.items():
@@ -222,7 +218,7 @@ def _check_ordinary(path: Path, by: Path) -> None:
         return  # it is not there: MuJoCo says so
     if not stat.S_ISREG(kind) and not stat.S_ISDIR(kind):
         raise UsageError(
-            f"{by}: names {one_line(path)}, which is no ordinary file; name a file of the model's"
+            f"{by}: names {one_line(path)}, which is not a regular file; name a file of the model"
         )
 
 

@@ -80,8 +80,7 @@ def names_of(model: Any, where: str) -> Names:
         q, v = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         if kind == mj.mjtJoint.mjJNT_BALL:
             raise UsageError(
-                f"{where}: {name} is a ball joint, which gpsim does not diagnose; put three "
-                "hinges in its place, or weld it"
+                f"{where}: {name} is a ball joint, which gpsim does not support; use three hinges instead, or weld it"
             )
         if kind == mj.mjtJoint.mjJNT_FREE:
             free.append(name)
@@ -102,7 +101,7 @@ def names_of(model: Any, where: str) -> Names:
         dofs.append(v)
         joints.append(j)
     if not coordinates and not free:
-        raise UsageError(f"{where}: it has no joint: nothing whose physics could be missing")
+        raise UsageError(f"{where}: it has no joint, so no physics could be missing")
     actions = [Channel(called(model, "actuator", i), _command_unit(model, i)) for i in range(model.nu)]
     both = {c.name for c in actions} & {c.name for c, _, _ in state}
     if both:

@@ -40,7 +40,7 @@ def open_simulator(name: str) -> Simulator:
     """The simulator of a name; raises UsageError."""
     if name == SYSTEM:
         raise UsageError(
-            "system: mjcf: a MuJoCo model simulates it; say which by --simulator robot.xml, or model: in recording.yaml"
+            "system: mjcf: it needs a MuJoCo model; name it with --simulator robot.xml, or model: in recording.yaml"
         )
     return load_mjcf(name) if is_mujoco(name) else make_simulator(name)
 
@@ -139,7 +139,7 @@ def _check_columns(
     idle = [name for name, column in given.items() if column is None]
     if idle and len(recording.action):
         said = lacking("actuator", idle, recording.action)
-        raise UsageError(f"{said}, or take the actuators that nobody commands out of the model")
+        raise UsageError(f"{said}, or remove the actuators without commands from the model")
 
 
 def _poses(recording: Recording, simulator: MjcfSimulator) -> tuple[Channels, list[FloatArray | None]]:
@@ -171,7 +171,7 @@ def _oriented(episode: Episode, state: Channels, simulator: MjcfSimulator) -> Ep
         length = np.linalg.norm(states[:, columns], axis=1, keepdims=True)
         if np.abs(length - 1.0).max() > OFF_LENGTH:
             raise UsageError(
-                f"episode {episode.name}: {', '.join(names)} are no quaternion: its length is "
+                f"episode {episode.name}: {', '.join(names)} are not a quaternion: the length is "
                 f"{length[np.argmax(np.abs(length - 1.0)), 0]:.3g}, not 1; check their order, real part first"
             )
         q = states[:, columns] / length
@@ -192,8 +192,9 @@ def _check_start(recording: Recording, simulator: MjcfSimulator) -> None:
     worst = int(np.argmin(deepest)) if len(deepest) else 0
     if len(deepest) and deepest[worst] < -simulator.tolerated_penetration:
         raise UsageError(
-            f"episode {recording.episodes[worst].name} begins with {pairs[worst]} {-deepest[worst]:.3g} m inside each "
-            f"other in {simulator.name}: check the joints' zeros, or exclude that pair from contact in the model"
+            f"episode {recording.episodes[worst].name} starts with {pairs[worst]} overlapping by "
+            f"{-deepest[worst]:.3g} m in {simulator.name}: check the joints' zeros, or exclude that pair from contact "
+            "in the model"
         )
 
 
@@ -224,9 +225,9 @@ def _check_stable(recording: Recording, simulator: MjcfSimulator) -> None:
     parameter, value = _suspect(simulator, dof, joint, h)
     if parameter:
         raise UsageError(
-            f"{simulator.name}: runs away: no number at step {int(np.argmax(gone[first])) + 1} from t = {run.t:g} s of "
-            f"episode {run.episode}, at the joint {joint}; {parameter} = {value:g} is too stiff for a step of {h:g} s: "
-            "make it smaller, or the step shorter (timestep in <option>)"
+            f"{simulator.name}: runs away: no number at step {int(np.argmax(gone[first])) + 1} from t = {run.t:g} s "
+            f"of episode {run.episode}, at the joint {joint}; {parameter} = {value:g} is too stiff for a step of "
+            f"{h:g} s: make it smaller, or the step shorter (timestep in <option>)"
         )
 
 

@@ -117,7 +117,7 @@ def parameters_of(model: Any, names: Names) -> dict[str, tuple[Parameter, Knob]]
             add(f"{action}.kv", "1", damped, f"velocity gain of {action}", knob)
         most = float(np.abs(model.actuator_forcerange[i]).max())
         if model.actuator_forcelimited[i] and most > 0.0:
-            text = f"the most that {action} gives, in force or torque"
+            text = f"the force or torque limit of {action}"
             add(f"{action}.forcerange", "1", most, text, scale_knob(most, ("actuator_forcerange", (i,))))
     return found
 
@@ -230,7 +230,7 @@ def _friction(model: Any, geom: int, name: str, led: list[int]) -> tuple[Paramet
         own[:, geom, 0] = friction
         own[:, led, 0] = np.minimum(own[:, led, 0], friction[:, None])
 
-    text = f"sliding friction of what touches the geom {name}"
+    text = f"sliding friction of contacts with the geom {name}"
     return Parameter("1", value, value / HEAVIEST, HEAVIEST * value, text), Knob(("geom_friction",), write)
 
 
@@ -246,6 +246,6 @@ def _solref(model: Any, geom: int, name: str, led: list[int]) -> tuple[Parameter
     """The time constant of contacts: of the geom and of the others by one ratio, by which their mean changes, too."""
     value = float(model.geom_solref[geom, 0])
     least = min(value, max(value / HEAVIEST, SAFE * float(model.opt.timestep)))
-    text = f"time constant of contacts with the geom {name}: the longer, the softer"
+    text = f"time constant of contacts with the geom {name} (longer is softer)"
     declared = Parameter("s", value, least, HEAVIEST * value, text)
     return declared, scale_knob(value, ("geom_solref", ([geom, *led], 0)))

@@ -185,9 +185,9 @@ def _native_tail(body: Body, index: int, way: Sequence[Term], step: float | None
 
 WHY = {
     "actuator_lag": "MuJoCo's own filter acts a step later",
-    "actuator_delay": "MuJoCo delays by whole steps here, or beside nothing else",
+    "actuator_delay": "MuJoCo would round the delay to whole steps, or cannot combine it with other effects",
     **dict.fromkeys(
-        (*AFFINE, "actuator_saturation"), "something else that MJCF cannot say acts after it, or with it"
+        (*AFFINE, "actuator_saturation"), "another effect without an MJCF attribute acts after it, or with it"
     ),
 }
 """Of an effect on commands why it is the wrapper's, if it acts everywhere."""
@@ -207,10 +207,10 @@ def _place(i: int, term: Term, patch: Patch) -> None:
         if joint != term.on:
             law["motor"] = called(plan.body.base, "actuator", names.action.index(term.on))
         told["yields"].append(law)
-        patch.went_to(term, "wrapper", "MJCF has nothing that yields and remembers how far")
+        patch.went_to(term, "wrapper", "MJCF has no element with presliding memory")
     elif isinstance(effect, SensorEffect):
         if term.family not in READINGS:
-            patch.went_to(term, "left out", "the wrapper does not know this sensor")
+            patch.went_to(term, "left out", "the wrapper does not support this sensor")
             return
         elements = _elements(plan.body, _moved(patch, i)) if i in plan.lasting else ()
         told["sensors"].append({"family": term.family, "channel": term.on, "values": _numbers(term)})
@@ -221,11 +221,15 @@ def _place(i: int, term: Term, patch: Patch) -> None:
     elif isinstance(effect, ForceEffect) and effect.dry and _gripping(term):
         law = {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}
         told["laws"].append(law)
-        why = "acts in a region only" if region else "MJCF's friction does not depend on speed, place or load"
+        why = (
+            "acts in a region only"
+            if region
+            else "friction in MJCF does not depend on speed, position or load"
+        )
         patch.went_to(term, "wrapper", why)
     elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
         told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})
-        patch.went_to(term, "wrapper", "MJCF has no force of such a form")
+        patch.went_to(term, "wrapper", "MJCF has no such force law")
     elif term.family in DRAGS and term.on in (axes := axes_of(names, names.state)):
         axis = axes[term.on]
         orientation, dof = names.positions[axis.orientation[0]], axis.dofs[0]
@@ -233,7 +237,7 @@ def _place(i: int, term: Term, patch: Patch) -> None:
         told["drags"].append({"dof": dof, "orientation": orientation, "axis": axis.axis, **size})
         patch.went_to(term, "wrapper", "MJCF has no drag along an axis of its own body")
     elif plan.acts_on_state(i) or effect.site == "rate":
-        patch.went_to(term, "left out", "neither MJCF nor the wrapper knows this law")
+        patch.went_to(term, "left out", "neither MJCF nor the wrapper has this law")
     else:
         told["changes"] += [{**change, "region": region} for change in _moved(patch, i)]
         why = "acts in a region only" if region else "MJCF has no constant force on a joint"

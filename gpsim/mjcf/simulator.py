@@ -466,6 +466,6 @@ def _again(
     """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
     loaded = load(reference)
     if loaded.source.digest != digest:
-        raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
+        raise UsageError(f"{reference}: changed during the diagnosis; start again")
     made = MjcfSimulator(loaded, None, fixed, *how)
     return made if made.state == state else made.with_state(state)

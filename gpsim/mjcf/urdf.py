@@ -86,7 +86,7 @@ def apart(spec: Any, model: Any) -> list[str]:
         spec.add_exclude(bodyname1=one, bodyname2=other)
     if not names:
         return []
-    return [f"links inside each other at rest, which never touch: {_some(' and '.join(n) for n in names)}"]
+    return [f"links that overlap at rest, whose contacts are off: {_some(' and '.join(n) for n in names)}"]
 
 
 def _package(name: str, folder: Path) -> Iterator[Path]:
@@ -132,9 +132,7 @@ def _meshes(spec: Any, folder: Path) -> list[str]:
             mesh.file = os.path.relpath(found, places[-1])
             if mesh.name not in weighed:
                 mesh.inertia = mujoco().mjtMeshInertia.mjMESH_INERTIA_SHELL  # of no use, and always possible
-    return [
-        f"meshes left out, which then touch nothing ({why}): {_some(names)}" for why, names in missing.items()
-    ]
+    return [f"meshes left out, without contacts ({why}): {_some(names)}" for why, names in missing.items()]
 
 
 def _unreadable(path: Path) -> str:
@@ -162,7 +160,7 @@ def _masses(spec: Any) -> list[str]:
             body.explicitinertial, body.mass, body.ipos = True, MASS, np.zeros(3)
             body.fullinertia = np.array([MASS * GYRATION**2] * 3 + [0.0] * 3)
             bare += [body.name] if list(body.joints) else []
-    light = f"links that move and have no mass, taken for {MASS:g} kg: {_some(bare)}"
+    light = f"moving links without mass, set to {MASS:g} kg: {_some(bare)}"
     heavy = f"links without <inertial>, which weigh what their shapes do at {DENSITY} kg/m^3: {_some(shaped)}"
     return [line for line, names in ((light, bare), (heavy, shaped)) if names]
 
@@ -181,7 +179,7 @@ def _inertias(spec: Any) -> list[str]:
                 changed.append(body.name)
     if not changed:
         return []
-    return [f"inertias that no body can have, made the nearest possible: {_some(changed)}"]
+    return [f"impossible inertias, replaced by the nearest possible ones: {_some(changed)}"]
 
 
 def nearest_inertia(full: FloatArray, mass: float) -> FloatArray:
@@ -357,10 +355,10 @@ def _shape(model: Any, geom: int, lost: Lost) -> ElementTree.Element | None:
         return ElementTree.Element("sphere", radius=f"{size[0]:.12g}")
     if kind in (types.mjGEOM_CYLINDER, types.mjGEOM_CAPSULE):
         if kind == types.mjGEOM_CAPSULE:
-            lost.setdefault("capsules, which are cylinders as long", []).append(name)
+            lost.setdefault("capsules (replaced by cylinders of the same length)", []).append(name)
         length = 2.0 * (size[1] + (size[0] if kind == types.mjGEOM_CAPSULE else 0.0))
         return ElementTree.Element("cylinder", radius=f"{size[0]:.12g}", length=f"{length:.12g}")
-    lost.setdefault("shapes left out, which then touch nothing", []).append(name)
+    lost.setdefault("shapes left out, without contacts", []).append(name)
     return None
 
 

@@ -112,7 +112,7 @@ def limits_of(
     """
     strange = sorted(set(stated) - set(STATED))
     if strange:
-        raise UsageError(f"plan.{strange[0]}: no limit of this name; there are: {', '.join(STATED)}")
+        raise UsageError(f"plan.{strange[0]}: no limit of this name; valid names: {', '.join(STATED)}")
     state, action = simulator.state, simulator.action
     low, high = _pairs(stated, "commands", action, (visited.action_low, visited.action_high))
     rate = _numbers(stated, "rates", action, np.full(len(action), np.inf))
@@ -139,16 +139,16 @@ def _check(limits: Limits, state: Channels, action: Channels) -> None:
     for i, name in enumerate(action.names):
         where = f"plan.commands.{name}: [{limits.low[i]:g}, {limits.high[i]:g}]"
         if not limits.low[i] < limits.high[i]:
-            raise UsageError(f"{where} leaves nothing to play; state a range")
+            raise UsageError(f"{where} leaves no possible command; give a range")
         if not limits.low[i] <= limits.idle[i] <= limits.high[i]:
             raise UsageError(
-                f"{where} excludes the command at rest, {limits.idle[i]:g}; widen it, or state plan.rest_commands"
+                f"{where} excludes the command at rest, {limits.idle[i]:g}; widen it, or set plan.rest_commands"
             )
         if not limits.rate[i] > 0.0:
             raise UsageError(f"plan.rates.{name}: expected more than 0 per second, got {limits.rate[i]:g}")
     for name, low, high in zip(state.names, limits.box_low, limits.box_high, strict=True):
         if not low < high:
-            raise UsageError(f"plan.box.{name}: [{low:g}, {high:g}] is empty; state a range")
+            raise UsageError(f"plan.box.{name}: [{low:g}, {high:g}] is empty; give a range")
 
 
 def check_first(limits: Limits, state: Channels, margin: float) -> None:
@@ -160,8 +160,8 @@ def check_first(limits: Limits, state: Channels, margin: float) -> None:
         only = np.where(np.arange(len(limits.rest)) == i, limits.rest, middle)
         if not limits.inside(np.where(np.isfinite(only), only, 0.0), margin):
             raise UsageError(
-                f"plan.box.{name}: [{limits.box_low[i]:g}, {limits.box_high[i]:g}] less its margin of {margin:.0%} "
-                f"does not hold the first state, {limits.rest[i]:g}; widen it, or state plan.rest"
+                f"plan.box.{name}: [{limits.box_low[i]:g}, {limits.box_high[i]:g}] minus its margin of {margin:.0%} "
+                f"does not contain the first state, {limits.rest[i]:g}; widen it, or set plan.rest"
             )
 
 

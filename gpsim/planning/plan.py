@@ -112,7 +112,7 @@ def make_plan(
     for one in posterior.explanations:
         if (name := one.undetermined) is not None:  # no draw of it means anything
             raise UsageError(
-                f"the recording says nothing of {name}: its posterior is singular and no motion can be foreseen; "
+                f"the recording does not determine {name}: its posterior is singular, so no motion can be predicted; "
                 "record more, or fix it (diagnose.known)"
             )
     check_first(limits, machine.simulator.state, settings.margin)
@@ -169,13 +169,13 @@ def _check_rest(search: Search) -> None:
     rest, end = limits.rest[worst], ends[np.argmax(off[:, worst]), worst]
     if search.around is not None:
         raise UsageError(
-            f"--policy: under some explanation it leaves the box or does not come back to rest, {names[worst]} ends "
-            f"{off[:, worst].max():.3g} off; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
+            f"--policy: under some explanation it leaves the box or does not return to rest, {names[worst]} ends "
+            f"{off[:, worst].max():.3g} away; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
         )
     raise UsageError(
-        f"plan.rest: left alone, the machine does not stay at rest: {names[worst]} goes from {rest:.3g} to {end:.3g}; "
-        "state plan.rest and plan.rest_commands, widen plan.box, or put it back by hand before each piece: --anew, "
-        "with a short plan.piece"
+        f"plan.rest: without commands, the machine does not stay at rest: {names[worst]} goes from {rest:.3g} to "
+        f"{end:.3g}; set plan.rest and plan.rest_commands, widen plan.box, or reset the machine by hand before each "
+        "piece: --anew, with a short plan.piece"
     )
 
 
@@ -196,7 +196,7 @@ def _pieces(
     if not chosen:
         raise UsageError(
             "no commands were found that keep the states in the box, with its margin, under every explanation; widen "
-            "plan.box, shorten plan.piece, lengthen plan.settle, or put the machine back by hand: --anew"
+            "plan.box, shorten plan.piece, lengthen plan.settle, or reset the machine by hand: --anew"
         )
     return chosen, at
 

@@ -43,15 +43,15 @@ def assemble(source: str, tracks: Mapping[str, Track], mapping: Bound) -> Assemb
     if mapping.rate is not None and seconds * mapping.rate > MOST_SAMPLES:
         # Before anything is allocated: a rate that no computer could hold is a slip of the pen, or of the clock's unit.
         raise UsageError(
-            f"{source}: rate {mapping.rate:g} Hz over {seconds:.6g} s would make {seconds * mapping.rate:.3g} samples, "
-            f"the limit is {MOST_SAMPLES:.0e}; choose a lower rate, or see whether the time column is in seconds "
-            "(time.scale=1e-3 takes it as milliseconds)"
+            f"{source}: rate {mapping.rate:g} Hz over {seconds:.6g} s would make {seconds * mapping.rate:.3g} "
+            f"samples, the limit is {MOST_SAMPLES:.0e}; choose a lower rate, or check that the time column is in "
+            "seconds (time.scale=1e-3 takes it as milliseconds)"
         )
     reference = tracks[mapping.measured[0].track]
     built = [_episode(piece, reference, tracks, mapping, margin) for piece in pieces]
     episodes = tuple(episode for episode in built if episode is not None)
     kept = [(float(e.t[0]), float(e.t[-1])) for e in episodes]
-    stages.append(("in a piece too short or past its last step", kept))
+    stages.append(("in a stretch that is too short, or after its last step", kept))
     every = {**action, **state} | ({flag.count.name: flag} if flag is not None else {})
     counts = tuple(_count(track, stages, held=name not in state) for name, track in every.items())
     longest = 0.0
@@ -99,7 +99,7 @@ def _stages(
         stages.append((f"in a piece shorter than {rule.min_duration:g} s", solid))
     if margin > 0:
         solid = [(a + margin, b - margin) for a, b in solid if b - a > 2.0 * margin]
-        stages.append(("edge that the smoothing window cannot reach", solid))
+        stages.append(("at an edge without a full smoothing window", solid))
     return stages
 
 

@@ -142,7 +142,7 @@ class _Metadata:
                     raise ValueError(f"{what}: '{name}' is not one of {', '.join(known)}")
         for name, deviation in self.noise.items():
             if deviation < 0:
-                raise ValueError(f"noise.{name}: a standard deviation is no less than 0, got {deviation:g}")
+                raise ValueError(f"noise.{name}: a standard deviation must be at least 0, got {deviation:g}")
 
 
 def read_recording(path: Path) -> Recording:
@@ -181,7 +181,7 @@ def _read_metadata(path: Path) -> _Metadata:
     held = raw.get("held_out") or {}
     rule = checked(HeldOut, held, f"{path}: held_out")
     if isinstance(held, Mapping) and len(held) > 1:
-        raise UsageError(f"{path}: held_out: episodes_from, time_from or share, not two of them")
+        raise UsageError(f"{path}: held_out: use only one of episodes_from, time_from and share")
     raw["held_out"] = rule if held else None
     meta = checked(_Metadata, raw, str(path), top=True)
     check_channels(meta.state, f"{path}: state")
@@ -234,7 +234,7 @@ def recording_of(
     for name in names:  # a column that is nearly called as a channel that is absent would be passed over
         if name not in table and (near := alike(name, others)):
             raise UsageError(
-                f"{path}: column(s) {name} missing; '{near}' is like it: rename it to {name}, or to a name less like it"
+                f"{path}: column(s) {name} missing; '{near}' is similar: rename it to {name}, or clearly differently"
             )
     action = action if set(action.names) & set(table) else Channels(())
     needed = ("t", *held.names, *action.names)
@@ -247,7 +247,7 @@ def recording_of(
     episodes = _episodes_of(table, str(path), held, action, poses)
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
-        raise UsageError(f"{path}: too short: no episode has two rows")
+        raise UsageError(f"{path}: too short: every episode has less than two rows")
     usual = float(np.median(steps))
     if dt is None:
         _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
@@ -262,9 +262,9 @@ def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Chann
     if unit is None or not (dated(t) or any(channel.unit in MOVING for channel in channels)):
         return
     count = str(round(1 / UNITS[unit]))
-    seconds = f"if it is in seconds, say so: dt={step:g}"
+    seconds = f"if it is in seconds, add dt={step:g}"
     if isinstance(path, Path):
-        seconds = f"if it is in seconds, say so in a recording.yaml beside it (dt: {step:g})"
+        seconds = f"if it is in seconds, write dt: {step:g} in a recording.yaml beside it"
         count = f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}"
     raise UsageError(
         f"{path}: t looks like {unit}: its usual step is {step:g}, and t is read in seconds; divide the column by "
@@ -321,7 +321,7 @@ def read_frame(path: Path, precision: Literal["round_trip"] | None = None) -> pd
     import pandas as pd
 
     if path.exists() and not path.is_file():
-        raise UsageError(f"{path}: is no ordinary file; name a CSV or Parquet table")
+        raise UsageError(f"{path}: is not a regular file; name a CSV or Parquet table")
     try:
         if path.suffix == ".parquet":
             return _read_parquet(path)
@@ -387,7 +387,7 @@ def _episodes_of(
     """
     named = table["episode"].tolist()
     if "" in named:
-        raise UsageError(f"{where}: row {named.index('')}: no episode; give every row its episode's name")
+        raise UsageError(f"{where}: row {named.index('')}: no episode; give every row its episode name")
     places = {name: place for place, name in enumerate(dict.fromkeys(named))}
     of = np.array([places[name] for name in named], dtype=np.int64)
     each = np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of))[:-1])

@@ -610,8 +610,8 @@ class Guess:
             self.unclear[POSE] = [pose.name for pose in poses]
         chosen = next((pose for pose in poses if named in (None, pose.name, pose.topic)), None)
         if named is not None and chosen is None:
-            there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw by themselves"
-            raise UsageError(f"pose={named}: no such pose; there are: {there}")
+            there = ", ".join(pose.name for pose in poses) or "none; name x, y and yaw separately"
+            raise UsageError(f"pose={named}: no such pose; found: {there}")
         if chosen is None:
             return
         self._used |= {(chosen.topic, source.field) for source in chosen.sources.values()}
@@ -751,7 +751,7 @@ def proposal(topics: Sequence[Topic], found: Guess) -> tuple[str, dict[str, str]
     raw, asked = dict(found.raw), []
     if lacking and len(topics) == 1:
         raw = _unknown(topics[0], found)
-        asked = ["name the channels as the system does", "actions are what was commanded"]
+        asked = ["rename the channels to those of the system", "actions are what was commanded"]
     elif lacking:
         raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
         asked = ["fill in state and action from the fields above"]
@@ -818,14 +818,14 @@ def bare_mapping(
     topics = named.log.topics()
     if len(topics) != 1:
         raise UsageError(
-            f"{named.name}: {len(topics)} topics; say which is which channel with --mapping NAME_OR_FILE "
-            "(gpsim import --inspect proposes one)"
+            f"{named.name}: {len(topics)} topics; assign them to channels with --mapping NAME_OR_FILE (gpsim import "
+            "--inspect proposes one)"
         )
     if not system:
         raise UsageError(
             f"{named.name}: no --mapping; `gpsim import --inspect` shows what is inside and proposes one (its system "
-            "may be one of your own, as my_system.py:ClassName); or say system=NAME where the columns are called as "
-            f"the channels of {', '.join(systems)}"
+            "may be your own, as my_system.py:ClassName); or use system=NAME if the columns have the channel names "
+            f"of {', '.join(systems)}"
         )
     if system not in systems:
         raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")

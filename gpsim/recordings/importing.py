@@ -154,8 +154,8 @@ def _check_values(mapping: ImportMapping, episodes: Sequence[Episode]) -> None:
         for channel, column in zip(channels, columns, strict=True):
             if len(column) and not np.abs(column).max() <= LARGEST:
                 raise UsageError(
-                    f"channel {channel.name} reaches {column[np.abs(column).argmax()]:g} {channel.unit}, no channel is "
-                    f"larger than {LARGEST:g}; see its scale and offset in the mapping, and its values in the log"
+                    f"channel {channel.name} reaches {column[np.abs(column).argmax()]:g} {channel.unit}, the limit is "
+                    f"{LARGEST:g}; check its scale and offset in the mapping, and its values in the log"
                 )
 
 
@@ -170,7 +170,7 @@ def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
                 )
     if mapping.clock.apply_offset and not any(_command_topics(part.mapping) for part in parts):
         raise UsageError(
-            "clock.apply_offset: commands and state share their rows and so their clock, there is nothing to shift"
+            "clock.apply_offset: commands and state share their rows and therefore their clock, so there is no offset"
         )
 
 
@@ -201,7 +201,7 @@ def _estimates(found: Sequence[signals.Lag], parts: Sequence[Part]) -> dict[str,
             best.setdefault(topic, lag.lag)
     if not best:
         raise UsageError(
-            "clock.apply_offset=true: these data tell the lag of no command topic; give a number [s]"
+            "clock.apply_offset=true: these data determine no lag of a command topic; give a number [s]"
         )
     return best
 
@@ -222,7 +222,7 @@ def _numbered(
             t = episode.t - start + ((part.epoch + start - zero) if session else 0.0)
             if session and episodes and t[0] <= episodes[-1].t[-1]:
                 raise UsageError(
-                    f"clock.kind=session: {part.name} does not begin after the log before it ended"
+                    f"clock.kind=session: {part.name} starts before the end of the preceding log"
                 )
             episodes.append(Episode(name, t, episode.states, episode.actions))
             length = float(episode.t[-1] - episode.t[0])
@@ -242,7 +242,7 @@ def _unit_hint(parts: Sequence[Part]) -> str:
             if unit is not None:
                 scale = f"{guessing.UNITS[unit]:.0e}"
                 return (
-                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
+                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write time: "
                     f"time: {{field: {time.field}, scale: {scale}}} in the mapping, or time.scale={scale} behind the "
                     f"command; if it is in seconds, raise gap_limit above {step:g}"
                 )
@@ -274,9 +274,9 @@ def _notes(mapping: ImportMapping, recording: Recording, built: Sequence[Assembl
     notes = []
     if len(mapping.action):
         mean = mapping.commands == "mean"
-        how = "averaged over each step" if mean else "held (zero order), the one standing at t_k"
+        how = "averaged over each step" if mean else "held (zero order); the command in force at t_k"
         longest = max(one.longest_hold for one in built)
-        inside = f"the longest time without a new one inside an episode is {longest:.3g} s"
+        inside = f"the longest gap inside an episode is {longest:.3g} s"
         notes.append(f"commands: {how}; {inside}")
     made = [s.name for s in mapping.state if s.derivative_of is not None]
     if made:
@@ -329,7 +329,7 @@ def _warnings(mapping: ImportMapping, recording: Recording, built: Sequence[Asse
             total[0] += count.read - (count.dropped.get(MISSING, 0) if count.part else 0)
             total[1] += count.kept
     found += [
-        f"{topic}: only {100.0 * kept / read:.0f} % of its rows lie in an episode"
+        f"{topic}: only {100.0 * kept / read:.0f} % of its rows are in an episode"
         for topic, (read, kept) in lost.items()
         if read and kept < 0.5 * read
     ]
@@ -346,9 +346,9 @@ def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
             known = worst.get(count.topic, (0.0, 0.0))
             worst[count.topic] = max(known, count.drift, key=lambda ends: ends[1] - ends[0])
     return [
-        f"the two clocks move against each other: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after "
-        f"its stamp (running median), a change of more than a step of {1e3 * step:.4g} ms; what is on receive time is "
-        "off by as much; split the log where it changes, or use clock.stamps=receive"
+        f"the two clocks drift apart: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after its stamp "
+        f"(running median), a change of more than one step of {1e3 * step:.4g} ms; topics on receive time have the "
+        "same error; split the log at the change, or use clock.stamps=receive"
         for topic, (least, most) in worst.items()
     ]
 

@@ -224,7 +224,7 @@ class ImportMapping:
             _one_of(origin, positions, f"state.{name}.derivative_of")
             if name in self.checks.max_rate:
                 raise ValueError(
-                    f"checks.max_rate.{name}: {name} is made from {origin}, no row holds it; limit {origin} instead"
+                    f"checks.max_rate.{name}: {name} is computed from {origin} and has no rows; limit {origin} instead"
                 )
         for name in self.smoothing.channels:
             _one_of(name, positions, "smoothing.channels")
@@ -296,7 +296,7 @@ def _parts(key: str, word: str) -> list[str]:
         match = _PART.match(key, position)
         if match is None or (position == 0 and match[1] is None):
             raise UsageError(
-                f"setting {one_line(word, 80)}: '{one_line(key, 60)}' is no key; write it as state.x.field"
+                f"setting {one_line(word, 80)}: '{one_line(key, 60)}' is not a key; write it as state.x.field"
             )
         parts.append(match[1] or match[2])
         position = match.end()
@@ -362,8 +362,8 @@ def _refuse_open_questions(given: Mapping[str, Any], where: str) -> None:
     if found:
         more = f" and {len(found) - 8} more" if len(found) > 8 else ""
         raise UsageError(
-            f"{where}: still '{OPEN}' at {', '.join(found[:8])}{more}; fill in what the log cannot tell "
-            "(a system, units), and take away the channels that you do not need"
+            f"{where}: still '{OPEN}' at {', '.join(found[:8])}{more}; fill in what the log does not contain (a "
+            "system, units), and remove the channels that you do not need"
         )
 
 

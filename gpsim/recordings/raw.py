@@ -135,7 +135,7 @@ class FolderLog:
         topics = log.topics()
         if len(topics) != 1:
             raise UsageError(
-                f"{self.files[name]}: layout=folder takes tables of one topic, this has {len(topics)}"
+                f"{self.files[name]}: layout=folder needs tables with one topic, this one has {len(topics)}"
             )
         return topics[0]
 
@@ -174,15 +174,15 @@ def find_logs(
 
 def _folders(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
     if not path.is_dir():
-        raise UsageError(f"{path}: layout=folder wants a folder of tables, not a file")
+        raise UsageError(f"{path}: layout=folder needs a folder of tables, not a file")
     groups: dict[Path, dict[str, Path]] = {}
     for file in _walk(path):
         if _is_log(file) and fnmatch(file.name, pattern):
             topics = groups.setdefault(file.parent, {})
             if file.stem in topics:
                 raise UsageError(
-                    f"{file.parent}: {topics[file.stem].name} and {file.name} would both be the topic "
-                    f"'{file.stem}'; say which files to take, as files='*{file.suffix}'"
+                    f"{file.parent}: {topics[file.stem].name} and {file.name} would both be the topic '{file.stem}'; "
+                    f"select the files, as files='*{file.suffix}'"
                 )
             topics[file.stem] = file
     if not groups:

@@ -50,7 +50,7 @@ def check_channels(names: Iterable[str], where: str) -> None:
         check_name(name, where)
         if name in RESERVED:
             raise UsageError(
-                f"{where}: no channel can be called '{name}', a recording's own column is; rename it"
+                f"{where}: a channel must not be called '{name}', which is a column of every recording; rename it"
             )
 
 

@@ -44,7 +44,7 @@ def read_yaml(path: Path, where: str = "") -> Any:
     except OSError as error:
         raise unreadable(path, error) from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"{where or path}: not readable as YAML: it is no UTF-8 text") from error
+        raise UsageError(f"{where or path}: not readable as YAML: it is not UTF-8 text") from error
     except YamlError as error:
         raise UsageError(f"{where or path}: {error}") from error
 
@@ -139,7 +139,7 @@ def _parts(node: yaml.Node, plain: bool) -> Iterator[yaml.Node]:
                 raise YamlError(f"{where}a list or a table cannot be a key")
             if key.value in lines:
                 first = lines[key.value]
-                raise YamlError(f"{where}key '{one_line(key.value, 60)}' is there already, in line {first}")
+                raise YamlError(f"{where}duplicate key '{one_line(key.value, 60)}', already in line {first}")
             lines[key.value] = key.start_mark.line + 1
             key = yaml.ScalarNode(_TEXT, key.value)
             node.value[place] = (key, value)

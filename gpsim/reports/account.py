@@ -57,13 +57,13 @@ HERE = "DIR"
 """What stands for the diagnosis's folder, where that is not known."""
 JUDGED: Mapping[JudgedOn, str] = {
     "held-out rollouts": "",
-    "cross-fitted rollouts": " (cross-fitted: too little is held out)",
+    "cross-fitted rollouts": " (cross-fitted, because too little is held out)",
     "fit windows": " (on its own training data: held-out rollouts show no mismatch)",
 }
 """What a share is of, where that is not what anybody would expect."""
 LEADS: Mapping[Leads, str] = {
     "likeliest": "the table shows the likeliest",
-    "simplest": "the table shows the simplest of those within odds of 10 to 1",
+    "simplest": "the table shows the simplest explanation within odds of 10 to 1",
 }
 TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
 """Simulators in which gpsim trains policies, and which experiment does."""
@@ -319,9 +319,9 @@ def differences(diagnosis: Diagnosis) -> list[str]:
         return []
     names = [recording.name for recording in recordings]
     told = [_difference(effect, names) for effect in diagnosis.effects if effect.own]
-    told = told or ["nothing that was looked for: one account serves all recordings"]
+    told = told or ["no differences found: one account fits all recordings"]
     if len(recordings) > MOST:
-        return [*told, "how much of each recording is explained: a column each in report.html"]
+        return [*told, "how much of each recording is explained: one column per recording in report.html"]
 
     def share(part: Share | None) -> str:
         return "nothing to explain" if part is None else f"{percent(part.share)} %"

@@ -160,7 +160,7 @@ def _decomposition(found: Sequence[Part]) -> Picture:
     )
     return Picture(
         "What the mismatch is made of",
-        "Shares of the squared error of rollouts beyond the noise that each effect takes off (Shapley).",
+        "Share of the squared rollout error beyond the noise that each effect removes (Shapley value).",
         png(figure, SHARP),
         [part.name for part in found],
     )
@@ -179,8 +179,8 @@ def _rollout(state: Channels, traces: Traces, *, corrected: bool) -> Picture:
     which = "The median held-out stretch" if trace.place else "The held-out stretch"
     return Picture(
         "Real, base and corrected" if corrected else "Real and base",
-        f"{which if traces.held_out else 'The stretch'} of episode {trace.name}, simulated over "
-        f"{traces.horizon:.3g} s at a time, each time from a measured state.",
+        f"{which if traces.held_out else 'The stretch'} of episode {trace.name}, simulated in pieces of "
+        f"{traces.horizon:.3g} s, each from a measured state.",
         png(figure, SHARP),
         [state.items[i].name for i in shown],
     )
@@ -208,7 +208,7 @@ def measured_picture(effect: NamedEffect) -> Picture:
     return Picture(
         f"No law of the catalogue: {effect_name(effect)}",
         f"{curve.quantity} over {curve.input}: measured, with its 90 % band; {curve.freedom:.0f} effective "
-        "parameters. Grey: never visited, where what it adds is held: extrapolation.",
+        "parameters. Grey: outside the visited range, where the curve is held constant.",
         png(figure),
         (curve.input, curve.quantity),
     )
@@ -242,8 +242,8 @@ def _inputs(found: Outcome) -> Picture:
         axes[0, -1].set_title(f"{in_percent(outside)} % lie outside", fontsize=9)
     legend_above(figure, axes[0, 0], markerscale=4)
     return Picture(
-        "Residual against its two most telling inputs",
-        "Measured minus simulated rate of single transitions, each from its measured state.",
+        "Residual against its two most important inputs",
+        "Measured minus simulated rate of single transitions, each from the measured state.",
         png(figure),
         (item.name, *telling),
     )
@@ -260,8 +260,8 @@ def _over_time(found: Outcome, course: Course) -> Picture:
     legend_above(figure, axes[0, 0], markerscale=2)
     return Picture(
         "Error over time, before and after",
-        f"Every dot is a window of {course.seconds:.3g} s that the diagnosis learnt from, simulated from "
-        "the state that was measured at its start; the base simulator takes its own step.",
+        f"Every dot is a training window of {course.seconds:.3g} s, simulated from the measured state at its start; "
+        "the base simulator uses its own step.",
         png(figure),
         (channel.name,),
     )
@@ -286,13 +286,13 @@ def _traces(found: Outcome, traces: Traces) -> Picture:
         axis.set_ylabel(beside(channel.name, channel.unit))
     legend_above(figure, axes[0, 0], markerscale=2)
     judged = "base + effects" if EFFECTS in traces.traces[0].said else "the base simulator"
-    which = f" Worst and median by the error of {judged} in all channels." if several else ""
+    which = f" Worst and median episode, by the error of {judged} in all channels." if several else ""
     what = "episode" if all(trace.whole for trace in traces.traces) else "stretch"
     return Picture(
         f"Measured and simulated: {'the worst and the median' if several else 'the only'} "
         f"{'held-out ' if traces.held_out else ''}{what}",
-        f"Rollouts over {traces.horizon:.3g} s, as in the table above: each starts at a measured state.{which} Shown "
-        "are the channels that make most of the mismatch. A line that leaves the picture has gone astray.",
+        f"Rollouts over {traces.horizon:.3g} s, as in the table above: each starts at a measured state.{which} The "
+        "channels with most of the mismatch are shown. A line that leaves the plot has diverged.",
         png(figure),
         (*(c.name for c in channels), *(f"episode {trace.name}" for trace in traces.traces)),
     )
@@ -316,13 +316,13 @@ def _frequency(found: Outcome, response: Response) -> Picture:
     axes[0, 0].set_ylabel(f"{' by '.join(names)}\n[{' per '.join(units)}]")
     legend_above(figure, axes[0, 0])
     astray = [name for name in COLOURS if name not in response.magnitudes and EFFECTS in response.coherences]
-    ran = f" {astray[0]} ran away and is not shown." if astray else ""
+    ran = f" {astray[0]} diverged and is not shown." if astray else ""
     return Picture(
         f"How {names[0]} answers {names[1]}, by frequency",
-        f"Welch averages of {response.segments} half overlapping segments of {response.seconds:.3g} s of the whole "
-        "recording; simulations run freely in each from its measured state. Shown where at least half of the measured "
-        f"power follows the command (coherence {COHERENT:g}).{ran} Where a controller makes the command of noisy "
-        "readings, the measured line is off.",
+        f"Welch averages of {response.segments} segments of {response.seconds:.3g} s with half overlap over the "
+        "whole recording; simulations run freely from the measured state at the start of each. Shown where at least "
+        f"half of the measured power follows the command (coherence {COHERENT:g}).{ran} If a controller computes the "
+        "command from noisy readings, the measured line is biased.",
         png(figure),
         (channel.name, command.name),
     )

@@ -34,29 +34,29 @@ COUNTED: Mapping[str, tuple[str, str]] = {
     "repeated": ("{of} repeats the one before", "{of} repeat the one before"),
     "missing": ("{of} is missing", "{of} are missing"),
     "outliers": ("{of} leaps and was left out", "{of} leap and were left out"),
-    "touching": ("in {of} something touches: accelerations are not compared there, rollouts are",) * 2,
+    "touching": ("{of} have contact: accelerations are not compared there, but rollouts are",) * 2,
 }
 MEASURED: Mapping[str, str] = {
-    "pushed": "something from outside acted from {size} on (a push, a bump) and was left out",
+    "pushed": "an external push or bump acted from {size} on and was left out",
     "quantised": "{channel} is quantised to {size}",
     "jitter": "the clock jitters by {size}",
 }
 NOT_ASKED: Mapping[str, str] = {
     "no command": "{name} was not recorded and is taken as 0 {unit}",
     "constant command": "{name} never changes ({value})",
-    "constant": "{name} never changes: it says little",
-    "held": "{name} never changes ({value}): it is taken as held still from outside",
-    "not needed": "{name} was not measured, and nothing that was depends on it: it is left out",
+    "constant": "{name} never changes: it gives little information",
+    "held": "{name} never changes ({value}): it is taken as held by a mount",
+    "not needed": "{name} was not measured, and no measured channel depends on it: it is left out",
     "known": "{name} is known ({value})",
     "asked": "left out as you said",
-    "does nothing": "{name} is required and does nothing here: it is left out",
-    "nothing touches": "nothing touches {name}: its friction and stiffness are not asked",
+    "does nothing": "{name} is required, but has no influence here: it is left out",
+    "nothing touches": "nothing touches {name}: its friction and stiffness are not tested",
 }
 WHOLE = "parameter_offset"  # a parameter of the simulator itself: its place is its name
 MOST_NAMED = 4  # families that are named in a line; of more their number is said
 NOTHING = "nothing missing"
-RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
-RANKED = "nats behind the chosen one (below zero: ahead of it), what came of it, integration, explanation"
+RANKINGS = {"all": "On all training windows:", "search": "Rejected during the search, on its windows:"}
+RANKED = "nats behind the chosen one (negative: ahead of it), result, integration, explanation"
 COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
 TRIFLE = 0.01  # of a rate's residual: less is not told
 
@@ -101,8 +101,8 @@ def open_text(combination: Combination) -> str:
     """The direction that the data leave open."""
     powers = combination.exponents
     if len(powers) != len(combination.of) or len(powers) != 2:
-        return "all of them may change as long as it stays"
-    return "both may be scaled alike" if _is_ratio(combination) else "one may grow as the other shrinks"
+        return "all of them may change as long as this product does not"
+    return "both may be scaled alike" if _is_ratio(combination) else "one may grow while the other shrinks"
 
 
 def combination_text(combination: Combination) -> str:
@@ -118,7 +118,7 @@ def combination_texts(combinations: Sequence[Combination]) -> list[str]:
     ratios = [c for c in combinations if _is_ratio(c)]
     if len(ratios) < 2:
         return [combination_text(c) for c in combinations]
-    together = f"only {listed([c.fixed for c in ratios], None)} are fixed: these may all be scaled alike"
+    together = f"only {listed([c.fixed for c in ratios], None)} are determined: all may be scaled together"
     return [together, *(combination_text(c) for c in combinations if not _is_ratio(c))]
 
 
@@ -189,13 +189,13 @@ def _ranked(
     if entry is ours:
         came = "chosen"
     elif entry.refused or entry.nats_behind < 0.0:
-        came, why = "refused", entry.refused or "this file does not say why"
+        came, why = "refused", entry.refused or "this file gives no reason"
     elif entry.windows == "search":
         came = "given up"
     elif claims in rivals:
         came, why = "not ruled out", "an alternative of the account"
     elif any(told <= claims for told in (*([set(ours.effects)] if ours else []), *rivals)):
-        came, why = "costs more", "what it adds is not worth its price"
+        came, why = "costs more", "its improvement is less than its price"
     else:
         came = "fits worse"
     gates = entry.gates or ("",) * len(entry.effects)
@@ -277,11 +277,11 @@ GEOMETRY: Mapping[GeometryKind, str] = {
     "frame turn": "the base's turn about {axis}",
     "frame place": "the base's place along {axis}",
     "joint zero": "the zero of {on}",
-    "body place": "the place of {on} along {axis}",
-    "body turn": "the turn of {on} about {axis}",
-    "site place": "the place of {on} along {axis}",
-    "site turn": "the turn of {on} about {axis}",
-    "delay": "the delay of the motion capture",
+    "body place": "the position of {on} along {axis}",
+    "body turn": "the rotation of {on} about {axis}",
+    "site place": "the position of {on} along {axis}",
+    "site turn": "the rotation of {on} about {axis}",
+    "delay": "the delay of motion capture",
 }
 
 
@@ -311,7 +311,7 @@ def instead_text(found: GeometryFound) -> str:
 
     said = [f"of it and {named(i)} only {shown(i)} shows" for i in found.instead if i.exact]
     if alike := [named(i) for i in found.instead if not i.exact]:
-        said.append(f"this recording does not tell it from {listed(alike, None, 'or')}")
+        said.append(f"this recording cannot separate it from {listed(alike, None, 'or')}")
     return "; ".join(said)
 
 
@@ -327,12 +327,12 @@ def geometry_lines(found: Kinematics | None) -> list[str]:
     if found is None:
         return []
     lines = [found_text(f) for f in found.found if f.model]
-    lines = lines or ["zeros and lengths are as the model says, as far as the motion capture tells"]
+    lines = lines or ["zeros and lengths agree with the model, within the accuracy of motion capture"]
     for name, error in found.error.items():
         mm = [brief(1e3 * v) for v in (error.before, error.after, error.placed, error.noise)]
         lines.append(
-            f"{spelled(name)} is {mm[0]} → {mm[1]} mm off on held-out samples (with the base against the motion "
-            f"capture's frame alone {mm[2]}, noise {mm[3]})"
+            f"{spelled(name)} is {mm[0]} → {mm[1]} mm off on held-out samples (with only the base aligned {mm[2]}, "
+            f"noise {mm[3]})"
         )
     laboratory = [found_text(f) for f in found.found if not f.model]
     return [*lines, *([f"the laboratory: {'; '.join(laboratory)}"] if laboratory else [])]

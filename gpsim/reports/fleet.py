@@ -121,7 +121,7 @@ def _deviation(
     since = gate_text(mine, dt)
     if not common:
         possible = any(claim in other.conceivable for other in others)
-        alone = "none, though not ruled out in all" if possible else "none"
+        alone = "none, but not excluded for all" if possible else "none"
         some = f"{len(having)} of {len(others)} have it"
         return Deviation(robot.name, name, size_of(mine), some if having else alone, since)
     late = since and not any(gate_text(other, dt) for other in having)
@@ -169,13 +169,13 @@ def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
     failed = sum(robot.diagnosis is None for robot in robots)
     open_ = len(robots) - len(judged) - failed
     beside = [f"{failed} could not be diagnosed"] if failed else []
-    beside += [f"of {open_} nobody can say what is missing"] if open_ else []
+    beside += [f"no account was possible for {open_}"] if open_ else []
     if len(judged) < 2:
         said = f"{len(judged)} of {len(robots)} recordings can be compared"
     elif not odd:
         said = f"no difference among {len(judged)} robots"
     elif len(judged) < FEW:
-        said = "the two robots differ; a third would say which is the odd one"
+        said = "the two robots differ; a third would show which one is unusual"
     else:
         verb = "differs" if len(odd) == 1 else "differ"
         said = f"{len(odd)} of {len(judged)} robots {verb}: {', '.join(odd)}"

@@ -66,9 +66,9 @@ def _fields(shown: Shown) -> dict[str, dict[str, tuple[str, str]]]:
     for model in along.models:
         fields[f"/{model}/state"] = numbers(along.state)
         fields[f"/{model}/residual"] = numbers(along.state)
-    size = "root mean square of the residuals of all channels, each over how much it varies"
+    size = "root mean square of the residuals of all channels, each divided by its spread"
     fields["/mismatch"] = dict.fromkeys(along.models, (NUMBER, size))
-    fields["/rollout"] = {"age": (NUMBER, "s since base and corrected began from a measured state")}
+    fields["/rollout"] = {"age": (NUMBER, "s since both simulators started from a measured state")}
     fields["/episode"] = {"name": (TEXT, "as in the recording"), "held_out": (FLAG, "it was only judged on")}
     return fields
 

@@ -47,7 +47,7 @@ def _switched(found: Guess) -> list[str]:
     if found.switch is None:
         return []
     source, words = found.switch
-    return [f"{source} may say when the motors were on; if so, add {words}"]
+    return [f"{source} may show when the motors were on; if so, add {words}"]
 
 
 def _units(found: Guess) -> dict[str, str]:
@@ -86,10 +86,8 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
     """
     unknown = not typed.named and any(name in found.missing for name in found.system.state.names)
     name = PurePath(shlex.split(typed.path)[0]).name
-    looks = "" if typed.named or unknown else f" that looks like one of {found.system.name}"
-    line = (
-        f"{name}: a raw log{looks}; say what is what: {_proposed(typed, found, unknown)}; or edit a mapping: "
-    )
+    looks = "" if typed.named or unknown else f" that looks like {found.system.name}"
+    line = f"{name}: a raw log{looks}; assign the columns: {_proposed(typed, found, unknown)}; or edit a mapping: "
     line += f"gpsim import --inspect {typed.path} --write-mapping mapping.yaml"
     others = ", ".join(n for n in SIMULATORS if n != found.system.name)
     if unknown:
@@ -101,7 +99,7 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
         table.append(f"a factor may stand before a source: {_example(found)}")
         table += [] if typed.named else [f"other simulators: {others}, {': '.join(reversed(OWN))}"]
         table += _switched(found)
-    return line, [*table, *(f"if it is the public set {one}: --mapping {one} instead" for one in ready[:1])]
+    return line, [*table, *(f"for the public data set {one}: use --mapping {one}" for one in ready[:1])]
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -129,7 +127,7 @@ def _questions(found: Guess) -> Iterator[tuple[str, str, str]]:
         among = f"{listed([other for other in others if other != source][:MOST])}{more}"
         if name in found.missing:
             source = f"? one of {among}" if among else "? no column is like it"
-            source += "; none where there was no command" if name in actions else ""
+            source += "; none if there was no command" if name in actions else ""
         elif name in found.unclear:
             source += f", or {among}?" if among else " by its name alone?"
         yield name, units.get(name, ""), source
@@ -167,7 +165,7 @@ def _table(
 
 
 def _topic_table(counts: Sequence[TopicCount]) -> Table:
-    heads = ("topic", "clock"), ("read", "kept", "dropped"), "why dropped; what else was noticed"
+    heads = ("topic", "clock"), ("read", "kept", "dropped"), "why dropped; remarks"
     table = _table("read = kept + dropped", *heads)
     for count in counts:
         why = [f"{number} {reason}" for reason, number in count.dropped.items()]
@@ -201,14 +199,14 @@ def _lag_lines(report: ImportReport) -> list[str]:
     for lag in report.lags:
         when, why = (
             f"follows {1e3 * lag.lag:.0f} ms later",
-            "clock offset and the system's own delay together",
+            "sum of clock offset and system delay",
         )
         if lag.lag < 0:
             when = f"leads by {-1e3 * lag.lag:.0f} ms"
             why = "the command follows the state (feedback), or its stamps are late"
         said = f"{lag.response} {when} (correlation {lag.correlation:.2f}); {why}"
         if not lag.usable:
-            said = f"these data cannot tell it (best correlation {lag.correlation:.2f})"
+            said = f"these data do not determine it (best correlation {lag.correlation:.2f})"
         lines.append(f"lag of {lag.command}: {said}")
     if report.applied:
         shifts = ", ".join(f"{topic} {1e3 * value:+.1f} ms" for topic, value in report.applied.items())
@@ -241,8 +239,8 @@ def render_inspection(found: Inspection) -> RenderableType:
             if topic.fields and not found.columns
         ),
         literal(""),
-        *([literal(f"looks like one of {found.system}")] if found.system else []),
-        *(literal(f"--mapping {name} comes with gpsim and finds all it wants here") for name in found.ready),
+        *([literal(f"looks like: {found.system}")] if found.system else []),
+        *(literal(f"--mapping {name} is built in and fits this log") for name in found.ready),
     )
 
 

@@ -124,7 +124,7 @@ class LoopReport:
         """
         if self.own_rewards:
             return {ALL: "all starts"}
-        how = "a search over action sequences" if self.earns_steps else "the geometry of arcs and straights"
+        how = "a search over action sequences" if self.earns_steps else "geometry of arcs and lines"
         words = {
             SOLVED: "starts that a Target policy of any seed solves",
             CERTIFIED: f"starts that {how} certifies as solvable",

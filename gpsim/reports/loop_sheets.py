@@ -309,7 +309,7 @@ def rollout_sheet(report: LoopReport) -> Sheet:
         if known(count := found.get("not_finite")) and count:
             many = f"{count:.0f} rollouts" if float(count).is_integer() else f"{count:.1f} rollouts a seed"
             many = "1 rollout" if count == 1 else many
-            notes.append(f"{name}: {many} ceased to be finite, and count as infinitely far.")
+            notes.append(f"{name}: {many} diverged, and count as infinitely far.")
     heads = ("Simulator", *(with_unit(name, report.units) for name in channels))
     return sheet(title, heads, rows, note=" ".join(notes).strip())
 

@@ -16,11 +16,11 @@ MOST_NAMED = 10
 WORDS = {
     "rough": "rough ones",
     "machines": "whole machines",
-    "plans": "worlds for plans that some second recording resolves",
+    "plans": "worlds for plans that some second recording decides",
     "mjcf": "robots by their MuJoCo models",
     "whole": "whole robots",
     "afloat": "robots that float or stand",
-    "curves": "laws of one input that no family has",
+    "curves": "laws of one input outside the catalogue",
 }
 """The groups of special worlds, as a page counts them."""
 _TAG = re.compile(r"<(?=[A-Za-z/!?])")  # what Markdown hands on as HTML
@@ -69,7 +69,7 @@ def confusion_sheet(content: Json) -> Sheet:
         return [Cell(str(counts.get(n, "")), marked=bool(counts.get(n)) and n not in right) for n in said]
 
     rows = ((truth, *cells(truth, counts)) for truth, counts in content["confusion"].items())
-    return sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), rows)
+    return sheet("True (rows) and reported (columns), worlds with at most one effect", ("", *said), rows)
 
 
 def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:

@@ -152,7 +152,7 @@ def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
         return [Cell(str(said.get(v, "")), marked=bool(said.get(v)) and v not in right) for v in VERDICTS]
 
     rows = ((Cell(wanted), *cells(wanted, said)) for wanted, said in verdicts.items())
-    return sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), rows)
+    return sheet(f"{title}: right verdict (rows) and reported verdict (columns)", ("", *VERDICTS), rows)
 
 
 def _figures(group: Json, title: str, blocks: Mapping[str, Json], note: str = "") -> Sheet:
@@ -180,7 +180,7 @@ def goals_sheet(content: Json) -> Sheet:
         return GOALS[name].label, goal["wanted"], got, bounds, _counted(part, key, block)
 
     return sheet(
-        "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
+        "Goals, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", INTERVAL, "count"),
         (cells(name, goal) for name, goal in content["goals"].items() if goal["got"] is not None),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
@@ -225,8 +225,8 @@ def shares_sheet(content: Json) -> Sheet:
         if p
     )
     note = (
-        f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, and are left out of the shares "
-        "of which less is better: false alarms, wrong names, undecided worlds"
+        f"failed diagnoses: {', '.join(failed) or 'none'}; they count as wrong, but not for false alarms, "
+        f"wrong names and undecided worlds"
     )
     return sheet("Part by part, on the same worlds", ("", "share", INTERVAL, "count"), rows, note=note)
 
@@ -238,8 +238,8 @@ def medians_sheet(content: Json) -> Sheet:
         "region, IoU": (location.get("iou"), "median"),
         "onset, error over the recording's duration": (location.get("onset_error"), "median"),
         "parameters, error over the value": (parameters, "median_relative_error"),
-        "parameters, error over what it changes": (parameters, "median_error_of_effect"),
-        "held-out error over the true model's own": (content.get("fit"), "median"),
+        "parameters, error relative to their effect": (parameters, "median_error_of_effect"),
+        "held-out error relative to the true model": (content.get("fit"), "median"),
     }
     rows = (
         (
@@ -263,10 +263,10 @@ def rivals_sheet(content: Json) -> Sheet:
         for words, r in found
     )
     return sheet(
-        "Held-out one-step error over the true model's own, worst rate",
+        "Held-out one-step error relative to the true model, worst rate",
         ("", "worlds", "median ratio", INTERVAL, "% within 1.1", INTERVAL),
         rows,
-        note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
+        note="all worlds with a mismatch, visible or not, including those outside the catalogue",
     )
 
 
@@ -297,7 +297,7 @@ def namers_sheet(content: Json) -> Sheet:
         "Namers, where PySINDy's library holds the truth",
         ("", "worlds", "% right", INTERVAL),
         ((label, str(found[k]["n"]), *_shared(found[k])) for k, label in NAMERS.items() if k in found),
-        note="mechanical systems with every effect a term of its library and acting everywhere, visible or not",
+        note="mechanical systems with every effect in its library and acting everywhere, visible or not",
     )
 
 

@@ -69,12 +69,12 @@ def robot_figure(diagnosis: Diagnosis, simulator: MjcfSimulator, states: FloatAr
         axis.text(0.45, 0.23, "0 %", fontsize=8, color=FAINT, va="center", ha="right")
         axis.text(BESIDE - 0.65, 0.23, f"{percent(most)} %", fontsize=8, color=FAINT, va="center")
         axis.set(xlim=(0.0, WIDE), ylim=(0.0, high))
-        of = "the mismatch is told at a joint"
+        of = "the mismatch that is reported at a joint"
         if not any(told_effects(diagnosis)):
             of = "a joint's error is no noise"
         return Picture(
-            "The robot, and where the mismatch is",
-            f"In a posture of the recording. Colours and numbers: how much of {of}.",
+            "The robot, and the location of the mismatch",
+            f"In a posture from the recording. Colours and numbers give the share of {of}.",
             png(figure, DOTS),
             joints,
         )

@@ -36,7 +36,7 @@ HEADS = {
 }
 KINDS = {
     "making": "being made",
-    "claimed": "claimed by a process that makes it or waits",
+    "claimed": "in use by a process",
     "unfinished": "left unfinished",
     "removing": "its removal was cut off",
 }
@@ -245,7 +245,7 @@ def standing_lines(standing: Standing, width: int = 0) -> list[str]:
     waits = f"for {_some(standing.waits_for)}" if standing.state == "waits" else ""
     said = waits or (f"as {standing.path}" if standing.path is not None else "")
     if standing.nearest is None:
-        why = "nothing of this stage is there yet" if not waits else ""
+        why = "this stage has no artifact yet" if not waits else ""
         return [head + "; ".join(part for part in (said, why) if part)]
     told = [d for d in standing.differences if not (waits and d.kind == "parent" and d.new is None)]
     if not told:
@@ -270,7 +270,7 @@ def status_lines(status: LoopStatus) -> list[str]:
         return [*lines, f"all {every} are there"]
     rest = f"{status.count('to make')} to make at once, {status.count('waits')} wait"
     rest += f", {refused} refused" if refused else ""
-    return [*lines, f"{there} of {every} are there, {rest}; make them with: {status.command}"]
+    return [*lines, f"{there} of {every} exist, {rest}; make them with: {status.command}"]
 
 
 def _some(names: Sequence[str]) -> str:

@@ -60,7 +60,7 @@ def score_lines(score: Score) -> list[str]:
         between = "" if low is None or high is None else f" ({100 * low:.0f} to {100 * high:.0f})"
         said.append(f"the effects explain {100 * worth.share:.0f} %{between} of the mismatch here")
     if score.thinned > 1:
-        said.append(f"one of {score.thinned} samples was read, commands averaged between")
+        said.append(f"one of {score.thinned} samples was used, with averaged commands")
     if score.without_gp:
         said.append(f"no Gaussian process: {score.without_gp}")
     return said

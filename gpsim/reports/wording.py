@@ -12,7 +12,7 @@ from gpsim.findings import Claims, Discrimination, Estimate, NamedEffect, NoGp, 
 from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text, with_sentences
 
-OFF = "{on} is {offset} off what the simulator believes"
+OFF = "{on} is {offset} off its value in the simulator"
 """Of a parameter that may be 0, as a place may."""
 EXCITATIONS: Mapping[Shape, str] = {
     "constant": "a constant {action} of {size:.3g}",
@@ -21,17 +21,17 @@ EXCITATIONS: Mapping[Shape, str] = {
     "random levels": "random levels of {action} up to {size:.3g}",
 }
 NOBODY_TELLS_APART = (
-    "{who} predict the same for every excitation that was tried: no recording of these channels separates them; "
-    "measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
+    "{who} predict the same for every tested excitation: no recording of these channels separates them; measure one "
+    "of the quantities directly (weigh it, or measure the acting force or command)"
 )
-UNSEEN = "training data that it had not seen"
+UNSEEN = "unseen training data"
 NO_GP = {
     "no structure": "it has no structure",
     "not fitted": "it could not be fitted",
     "not written": "it could not be written down",
     "explains nothing": f"it would explain nothing of {UNSEEN}",
-    "harms": f"it would make the error in {{channel}} {{when}} {{times:.2g}} times as large on {UNSEEN}",
-    "strays": "it would make the error in {channel} {times:.2g} times as large in free runs of {seconds:.3g} s",
+    "harms": f"it would multiply the error in {{channel}} {{when}} by {{times:.2g}} on {UNSEEN}",
+    "strays": "it would multiply the error in {channel} by {times:.2g} in free runs of {seconds:.3g} s",
 }
 
 
@@ -117,8 +117,8 @@ def tell_apart_text(advice: Discrimination) -> str:
         drive = found.excitation
         said.append(
             f"record {EXCITATIONS[drive.shape].format(action=drive.action, size=drive.size)}: "
-            f"{_both(found.explanations)} then differ by up to {found.difference:.3g} standard deviations of the noise "
-            f"in {found.channel}"
+            f"{_both(found.explanations)} then differ by up to {found.difference:.3g} standard deviations of the "
+            f"noise in {found.channel}"
         )
     if advice.inseparable:
         said.append(NOBODY_TELLS_APART.format(who=", ".join(_both(pair) for pair in advice.inseparable)))

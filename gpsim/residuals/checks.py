@@ -31,8 +31,8 @@ def check_clock(recording: Recording) -> None:
     usual = float(np.median(steps))
     if abs(usual - recording.dt) > OWN_DT * recording.dt:
         raise UsageError(
-            f"the recording says dt {recording.dt:g} s, but the median step of its t is {usual:g} s: write "
-            f"dt: {usual:.6g} in its recording.yaml if t is right, or mend t (in seconds)"
+            f"the recording says dt {recording.dt:g} s, but the median step of its t is {usual:g} s: write dt: "
+            f"{usual:.6g} in its recording.yaml if t is right, or correct t (in seconds)"
         )
 
 
@@ -53,12 +53,12 @@ def check_match(recording: Recording, simulator: Simulator, *, hidden: Collectio
             and len(absent) < len(needs)
         )
         if absent and (all(c.name in simulator.start for c in absent) or built_in):
-            remedy = "only `gpsim diagnose` estimates states that nobody measured"
+            remedy = "only `gpsim diagnose` estimates unmeasured states"
         elif kind == "action" and not len(has):
-            remedy = "only `gpsim diagnose` takes commands that nobody recorded as 0"
+            remedy = "only `gpsim diagnose` sets unrecorded commands to 0"
         elif kind == "state" and absent and len(absent) < len(needs):
             guesses = ", ".join(f'"{c.name}": VALUE' for c in absent)
-            remedy += f"; or, in a system of your own, guess what nobody measured: start = {{{guesses}}}"
+            remedy += f"; or, in your own system, give an initial guess: start = {{{guesses}}}"
         raise UsageError(
             f"the recording's {kind} is {has.listed()}, simulator {simulator.name} needs {needs.listed()}; {remedy}"
         )
@@ -97,9 +97,9 @@ def not_finite(
     been = (*rows.states[transition], *rows.actions[transition])
     where = ", ".join(f"{name}={number:g}" for name, number in zip(names, been, strict=True))
     return UsageError(
-        f"simulator {simulator.name}: {what} is not finite ({value:g}) where the recording's episode "
-        f"{recording.episodes[episode].name}, row {row} has been ({where}); guard its roots, logarithms and "
-        f"divisions, as np.sqrt(np.maximum(level, 0.0)) does"
+        f"simulator {simulator.name}: {what} is not finite ({value:g}) at episode {recording.episodes[episode].name}, "
+        f"row {row} of the recording ({where}); protect its roots, logarithms and divisions, as "
+        "np.sqrt(np.maximum(level, 0.0)) does"
     )
 
 

@@ -54,8 +54,8 @@ def check_each_holds_out(recording: Recording) -> None:
         said = part.held_out is not None and part.held_out.share != 0.0
         if said and all(k >= len(e.t) for k, e in zip(first_held_out(part), part.episodes, strict=True)):
             raise UsageError(
-                f"{source.name}: nothing is held out: its held_out begins after its end; correct it in recording.yaml, "
-                "or take it out to hold out the last fifth"
+                f"{source.name}: nothing is held out: its held_out begins after its end; correct it in "
+                "recording.yaml, or remove it to hold out the last fifth"
             )
 
 
@@ -80,8 +80,8 @@ def held_out_rows(recording: Recording, transitions: Transitions) -> BoolArray:
     said = recording.held_out is not None and recording.held_out.share is None
     if said and len(test) and not test.any():
         raise UsageError(
-            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
-            "or take it out to hold out the last share of it (residuals.test_fraction)"
+            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, or "
+            "remove it to hold out the last share of it (residuals.test_fraction)"
         )
     return test
 

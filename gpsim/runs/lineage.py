@@ -140,7 +140,7 @@ def removal_of(catalogue: Catalogue, asked: Sequence[Entry], with_dependents: bo
     needing = dependents(catalogue, chosen)
     if needing and not with_dependents:
         raise UsageError(
-            f"{', '.join(e.name for e in asked)}: needed by {_listed(needing)}; remove those first, or all of it with "
+            f"{', '.join(e.name for e in asked)}: needed by {_listed(needing)}; remove those first, or use "
             "--with-dependents"
         )
     chosen |= {entry.path: entry for entry in needing}
@@ -175,10 +175,10 @@ def remove(catalogue: Catalogue, removal: Removal, beside: Sequence[Path] = ()) 
     with unneeded(paths) as mine:
         busy = [entry.name for entry in removal.entries if entry.path not in mine and entry.path.exists()]
         if busy:
-            raise UsageError(f"{busy[0]}: something is being made of it right now; wait for that, or end it")
+            raise UsageError(f"{busy[0]}: a process is using it; wait for that process, or end it")
         now = read_catalogue(catalogue.root, beside)
         if needing := dependents(now, paths):
-            raise UsageError(f"{_listed(needing)}: made of it meanwhile; look again: gpsim runs list")
+            raise UsageError(f"{_listed(needing)}: now needed by others; see gpsim runs list")
         hidden = hide([path for path in paths if path in mine])
     for path in hidden:
         erase(path)

@@ -17,7 +17,7 @@ _COPIES = mmap.mmap(-1, 1)
 """Shared with copies of this process: whether one has come back from a call."""
 _copied = 0  # how often this process is a copy of the one that loaded gpsim
 COPY_FIRST = (
-    "; what it is given is the recording's: copy first (u = u.copy()), or write u = gain * u, not u *= gain"
+    "; its inputs belong to the recording: copy first (u = u.copy()), or write u = gain * u, not u *= gain"
 )
 
 
@@ -53,9 +53,7 @@ def asked(
             os._exit(0)
     if _COPIES[0]:
         _COPIES[0] = 0
-        raise UsageError(
-            f"{reference}: {what} made a copy of the process that came back (os.fork); take it out"
-        )
+        raise UsageError(f"{reference}: {what} returned in a copied process (os.fork); remove that call")
     return answer
 
 
@@ -69,7 +67,7 @@ os.register_at_fork(after_in_child=_copy)
 
 def no_answer(what: str) -> str:
     """The line about a call that does not return."""
-    return f"{what} did not return within {longest_call():g} s; fix it, or allow more time: {SETTING}=600 (s)"
+    return f"{what} did not return within {longest_call():g} s; correct it, or set {SETTING}=600 (s)"
 
 
 def said(error: BaseException) -> str:
@@ -101,8 +99,8 @@ def refuse_complex(values: Any, what: str, reference: str) -> None:
     """The search would take the real part and say nothing."""
     if np.iscomplexobj(values):
         raise UsageError(
-            f"{reference}: {what} is complex, as {np.ravel(values)[0]:.3g}; return real numbers, as np.real(...) of "
-            "what has no imaginary part"
+            f"{reference}: {what} is complex, as {np.ravel(values)[0]:.3g}; return real numbers, for example "
+            "np.real(...)"
         )
 
 

@@ -60,16 +60,16 @@ def _what_happened(reference: str, code: int, words: str) -> str:
     file = reference.rpartition(":")[0]
     if code >= 0:
         return (
-            f"{file}: ended the program (exit code {code}) when it was loaded and asked for rates; a simulator only "
-            "returns: take exit() out of it"
+            f"{file}: ended the program (exit code {code}) when it was loaded and called; a simulator must only "
+            "return: remove exit() from it"
         )
     if code == -signal.SIGVTALRM:
         return no_answer(f"{file}: loaded and asked for rates, it")
     place = re.search(rf'File "{re.escape(file)}", line (\d+) in (\S+)', words)
     where = f" at line {place[1]}, in {place[2]}" if place else ""
     return (
-        f"{file}: crashed Python ({signal.Signals(-code).name}){where} when it was loaded and asked for rates; mend "
-        "what it calls there"
+        f"{file}: crashed Python ({signal.Signals(-code).name}){where} when it was loaded and called; correct the "
+        "code that it calls"
     )
 
 

@@ -64,7 +64,7 @@ def own_simulator(what: Any, declared: Mapping[str, Any]) -> Simulator:
         name = f"{what.__name__ if isinstance(what, type) else type(what).__name__}{HERE}"
         if declared:
             raise UsageError(
-                f"load_simulator: {', '.join(declared)}: for a function only; {name} says this itself, as attributes"
+                f"load_simulator: {', '.join(declared)}: only for a function; {name} already has these as attributes"
             )
         return adapted(_made(what, name) if isinstance(what, type) else what, name)
     if not callable(what):

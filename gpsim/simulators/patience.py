@@ -32,9 +32,7 @@ def longest_call() -> float:
     except ValueError:
         longest = 0.0
     if not 0.0 < longest < 1e9:
-        raise UsageError(
-            f"{SETTING}={said}: expected seconds that one call of a user's code may take, as 600"
-        )
+        raise UsageError(f"{SETTING}={said}: expected the longest time of one call in seconds, as 600")
     return longest
 
 

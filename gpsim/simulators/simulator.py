@@ -240,8 +240,8 @@ class Simulator(ABC):
         if unknown:
             known = ", ".join(self.parameters)
             raise UsageError(
-                f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known or 'none'} "
-                "(take it out of `parameters:` in recording.yaml, or in the simulator/NAME.yaml of a --config-dir)"
+                f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known or 'none'} (remove it from "
+                "`parameters:` in recording.yaml, or in the simulator/NAME.yaml of a --config-dir)"
             )
         for name, value in given.items():
             bounds = self.parameters[name]

@@ -114,12 +114,10 @@ class ServoJoint(MechanicalSimulator):
             "kg m^2", 0.01, SMALLEST, math.inf, "of link, load and geared rotor about the joint"
         ),
         "stiffness": Parameter("N m/rad", 5.0, SMALLEST, math.inf, "proportional gain"),
-        "damping": Parameter(
-            "N m s/rad", 0.3, 0.0, math.inf, "derivative gain, and what the motor brakes by itself"
-        ),
-        "torque_limit": Parameter("N m", 2.0, SMALLEST, math.inf, "the most that the servo gives"),
+        "damping": Parameter("N m s/rad", 0.3, 0.0, math.inf, "derivative gain plus the motor's own damping"),
+        "torque_limit": Parameter("N m", 2.0, SMALLEST, math.inf, "the largest torque of the servo"),
         "gravity_torque": Parameter(
-            "N m", 0.0, 0.0, math.inf, "weight times its arm, with the link level", additive=0.3
+            "N m", 0.0, 0.0, math.inf, "weight times lever arm, with the link horizontal", additive=0.3
         ),
     }
 

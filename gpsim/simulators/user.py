@@ -171,8 +171,8 @@ class UserSimulator(Simulator):
             refuse_complex(values, f"rates['{name}']", self._reference)
             if values.shape not in ((), (rows,)) or not np.issubdtype(values.dtype, np.number):
                 raise UsageError(
-                    f"{self._reference}: rates['{name}'] must be {rows} numbers, one a row of the batch, "
-                    f"got shape {values.shape} of {values.dtype}"
+                    f"{self._reference}: rates['{name}'] must be {rows} numbers, one per row of the batch, got shape "
+                    f"{values.shape} of {values.dtype}"
                 )
             out[:, i] = values
         return out
@@ -197,7 +197,7 @@ def _check_declaration(simulator: Simulator, reference: str) -> None:
     """What would fail late: two channels under one name, and defaults that lie outside their own bounds."""
     both = [name for name in simulator.action.names if name in simulator.state.names]
     if both:
-        raise UsageError(f"{reference}: '{both[0]}' is a state and an action; give each a name of its own")
+        raise UsageError(f"{reference}: '{both[0]}' is both a state and an action; use different names")
     for name, p in simulator.parameters.items():
         if not (math.isfinite(p.default) and p.low <= p.default <= p.high):
             raise UsageError(
@@ -223,8 +223,8 @@ def _try(simulator: Simulator, reference: str) -> None:
             column, push = simulator.rate.index(coordinate.rate), np.eye(len(simulator.coordinates))[[i] * 3]
             if (_tried_rates(simulator, reference, state, action, push)[:, column] == rates[:, column]).all():
                 raise UsageError(
-                    f"{reference}: a force on {coordinate.name} changes nothing; add forces['{coordinate.name}'] "
-                    f"to what accelerates it in `rates`"
+                    f"{reference}: a force on {coordinate.name} changes nothing; add forces['{coordinate.name}'] to "
+                    "its acceleration in `rates`"
                 )
 
 

@@ -35,7 +35,7 @@ def recipe(request: Request) -> Recipe:
         parents["recording"] = collect.STAGE.need(request)
     elif not folder.is_dir():
         raise UsageError(
-            f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes"
+            f"recording={folder}: no such folder; give a recording folder made by `gpsim import`"
         )
     elif (folder / MANIFEST).is_file():
         parents["recording"] = read_artifact(folder)
@@ -84,7 +84,7 @@ def check_same(recording: Recording, base: SimulatorPlant) -> None:
         raise UsageError(
             "the recording is compared with another simulator than this experiment's: choose "
             + " ".join(wanted)
-            + ", or import it at this one's pace and with its parameters (collect.changes=[...])"
+            + ", or import it with the time step and parameters of this one (collect.changes=[...])"
         )
 
 
@@ -141,7 +141,7 @@ def notes(artifact: Artifact) -> list[str]:
     rows = meta["rows"]
     lines = [f"{rows['training']} training and {rows['test']} test transitions"]
     if lost := rows.get("over_a_gap", 0):
-        lines[0] += f"; {lost} over {LONGEST_STEP:g} control steps left out: rows are missing there"
+        lines[0] += f"; {lost} over {LONGEST_STEP:g} control steps left out, because rows are missing"
     return lines + [
         f"{name}: residual {meta['residual_std'][name]:.3g} {unit}, measured {meta['measured_std'][name]:.3g} (std)"
         for name, unit in meta["rates"].items()

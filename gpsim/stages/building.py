@@ -70,8 +70,8 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
     section = config["target"]
     if not drivable(config):
         raise UsageError(
-            "target=recording cannot be driven: it is known by its logs alone; give them with collect.source=LOG or "
-            "recording=DIR, or choose a stand-in, as target=limo"
+            "target=recording cannot be driven, because it consists of logs; give them with collect.source=LOG or "
+            "recording=DIR, or choose a simulated target, as target=limo"
         )
     target = build(TARGETS[section["name"]], section, "target")
     simulator = open_simulator(_name(config))
@@ -79,8 +79,8 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
     dt = _positive(config["simulator"]["dt"], "simulator.dt")
     if not math.isclose(target.dt, dt, rel_tol=1e-9):
         raise UsageError(
-            f"target.dt={target.dt:g} is not simulator.dt={dt:g}: both take one control step at a time; set "
-            f"target.dt={dt:g}, or leave it out (a target that steps more finely does so by target.substeps)"
+            f"target.dt={target.dt:g} is not simulator.dt={dt:g}: both use the same control step; set "
+            f"target.dt={dt:g}, or remove it (for finer steps, use target.substeps)"
         )
     return target
 
@@ -115,8 +115,7 @@ def expert_search(config: Mapping[str, Any], width: int) -> BeamSearch:
     parameters = base_plant(config).parameters
     if config["task"]["name"] != "balance" or not {"gravity", "pole_half_length"} <= set(parameters):
         raise UsageError(
-            "policy.expert_rounds: an expert looks ahead on a cart-pole that is to be balanced, and nowhere else; "
-            "set policy.expert_rounds=0"
+            "policy.expert_rounds: the expert only works for balancing a cart-pole; set policy.expert_rounds=0"
         )
     return balance_search(parameters["gravity"], parameters["pole_half_length"], width)
 
@@ -200,7 +199,7 @@ def measured_on(request: Request) -> str | None:
         if made.stage == "collect" and made.manifest["config"].get("target") == target:  # gpsim drove it
             return None
     name = target["name"]
-    return f"the stand-in {name}, not on what was recorded; choose target=recording to judge by the recording"
+    return f"the simulated target {name}, not on the recording; choose target=recording to evaluate on the recording"
 
 
 GP_OF_THE_STAGE = ("n_train", "inputs", "settle", "filter", "chain", "observations")

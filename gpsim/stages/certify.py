@@ -64,7 +64,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         solved = search.solvable(target, task, start, request.progress)
     else:
         raise UsageError(
-            "certify: only a cart-pole's starts can be searched; choose target=friction or sticking"
+            "certify: only the starts of a cart-pole can be searched; choose target=friction or sticking"
         )
     columns = {name: start.states[:, i] for i, name in enumerate(target.state.names)}
     table = pd.DataFrame({**columns, "certified": solved.astype(int), **more})

@@ -52,7 +52,7 @@ def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episo
     try:
         gps = fit_outputs(features(residuals.inputs[rows]), residuals.values[rows], quick, rng)
     except ValueError as error:
-        raise UsageError(f"strategy=active: no Gaussian process fits what was recorded ({error})") from error
+        raise UsageError(f"strategy=active: no Gaussian process fits the recording ({error})") from error
     predictor = Predictor(gps)
     correction = GpCorrection(predictor, features, "mean", sample_noise=False)
     plant = CorrectedPlant(base.simulator, base.parameters, base.integrator, base.dt, correction)
@@ -272,8 +272,8 @@ def _one_topic(mapping: str, sources: Sequence[ChannelSource], wanted: tuple[str
     if channels != list(wanted) or len(topics) != 1 or topic is None:
         said = ", ".join(f"{source.channel.name} (topic {source.topic})" for source in sources)
         raise UsageError(
-            f"collect.mapping={mapping}: a sweep's bag holds {', '.join(wanted)} under one topic, the mapping looks "
-            f"for {said}; choose collect.mapping=limo_optitrack, or the same topic for all of them (collect.changes)"
+            f"collect.mapping={mapping}: the bag of a sweep has {', '.join(wanted)} in one topic, but the mapping "
+            f"needs {said}; choose collect.mapping=limo_optitrack, or use one topic for all (collect.changes)"
         )
     return topic
 

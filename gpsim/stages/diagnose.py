@@ -113,7 +113,7 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     name = str(content["simulator"])
     if simulator is None and lives_here(name):
         raise UsageError(
-            f"{folder}: corrects {name}, which only the Python program knows that made it: load it there, as "
+            f"{folder}: corrects {name}, which exists only in the Python program that made it: load it there, as "
             "gpsim.Diagnosis.load(DIR, simulator)"
         )
     # A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's.
@@ -122,8 +122,8 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     if diagnosed is not None and not missing and files_digest(name) != diagnosed:
         changed = source or f"{name}, or what it includes,"
         raise UsageError(
-            f"{artifact.path}: corrects the simulator {name} as its file was then, {changed} has changed since: "
-            "diagnose the recording again, or bring that file back"
+            f"{artifact.path}: corrects the simulator {name}, but {changed} has changed since: diagnose the recording "
+            "again, or restore that file"
         )
     bring(again(content.get("effects", {}), str(folder)))
     process = (lambda channels: read_gp(artifact.path, channels)) if gp else None
@@ -139,14 +139,14 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
             if files_digest(other.name) != files_digest(simulator.name):
                 raise UsageError(
                     f"{first} and {name} are of different models ({simulator.name} and {other.name}): several "
-                    "recordings are judged together against one; name it with --simulator, or judge each with --each"
+                    "recordings need the same model; name it with --simulator, or use --each"
                 )
         return joined([recording for recording, _ in opened.values()], list(opened)), simulator
     path, folder = task.recording, task.folder
     if not path.exists():
         raise UsageError(
-            f"{path}: no such recording{near_path(path)}; give a folder as `gpsim import` makes, "
-            "or a CSV with --simulator"
+            f"{path}: no such recording{near_path(path)}; give a folder made by `gpsim import`, or a CSV with "
+            "--simulator"
         )
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
         recording = read_recording(folder)
@@ -155,7 +155,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     if path.is_dir():
         raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
     if task.simulator is None:
-        raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
+        raise UsageError(f"{path}: a plain table needs --simulator NAME, which defines its columns")
     simulator = open_simulator(task.simulator)
     return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 

@@ -215,7 +215,7 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         sight = look(recording, simulator)
         if "horizon_s" in simulator.state.names:  # the one key beside the state channels in `fit.rollout`
             raise UsageError(
-                "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
+                "a state must not be called 'horizon_s', which is a key of diagnosis.json; rename the channel"
             )
         check_each_holds_out(recording)
         check_rates(sight.completed(recording), sight.simulator, parameters)
@@ -266,4 +266,4 @@ def _moved(content: Json) -> Moved:
             Place(**{k: content[k] for k in ("kind", "on", "axis", "unit")}), float(content["value"])
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise UsageError(f"corrected.json: geometry: not what this version reads ({error!r})") from error
+        raise UsageError(f"corrected.json: geometry: not what this version can read ({error!r})") from error

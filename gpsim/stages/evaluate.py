@@ -47,7 +47,7 @@ def check(request: Request) -> None:
     policy_names(request)
     if train_gp_policy.robust(request):
         raise UsageError(
-            "robustness=posterior is for train-gp-policy alone; here the policy that is trained so is called "
+            "robustness=posterior is only for train-gp-policy; here the policy trained in this way is called "
             "Posterior: evaluate.policies=[Effects,Posterior,...]"
         )
     _ = request.start_seed
@@ -276,8 +276,8 @@ def _own_inputs(request: Request, data: Residuals) -> FloatArray:
 
 
 WHY = (
-    "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
-    "the robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
+    "returns are left out, because the target consists of logs and cannot be driven; run an exported policy on the "
+    "robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
 )
 
 

@@ -199,8 +199,8 @@ def _goal(request: Request) -> FloatArray:
     found = np.array(numbers, dtype=np.float64)
     if (task := _task(request)).outside(found[None]).any():
         raise UsageError(
-            f"deployed_goal: {numbers} lies outside the floor, where a trip is over: {task.floor:g} m square about the "
-            "origin; give its edge with task.floor="
+            f"deployed_goal: {numbers} is outside the floor ({task.floor:g} m square around the origin), where a trip "
+            "ends; set the floor with task.floor="
         )
     return found
 

@@ -44,9 +44,7 @@ def facts_of(monitor: Monitor) -> dict[str, Any]:
     """The predictor and what is usual; raises UsageError for a monitor that a node cannot predict with."""
     plant, usual = monitor.plant, monitor.usual
     if (plant.state.names, plant.action.names) != (POSE, TWIST):
-        raise UsageError(
-            "--monitor: is of a vehicle in the plane that is told its speed and turn rate, no other"
-        )
+        raise UsageError("--monitor: only works for a vehicle in the plane with speed and turn-rate commands")
     gp = plant.correction if isinstance(plant, CorrectedPlant) else None
     # A chain of processes is a predictor, too, but has no form of its own.
     if (
@@ -55,8 +53,8 @@ def facts_of(monitor: Monitor) -> dict[str, Any]:
         or type(gp.predictor) is not Predictor
     ):
         raise UsageError(
-            "--monitor: a node predicts by one Gaussian process a rate, as gp=exact has; effects and chained ones have "
-            "memories and parts that it lacks: watch its bag with gpsim deploy --replay"
+            "--monitor: a node predicts with one Gaussian process per rate, as in gp=exact; it does not support "
+            "effects and chained processes: check its bag with gpsim deploy --replay"
         )
     (shift, linear, weights), features, late = gp.predictor.mean_form, gp.features, plant.filter
     inputs = [
@@ -101,7 +99,7 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
     has_node = config["task"]["name"] == "goal"
     if watched is not None and not has_node:
         raise UsageError(
-            f"--monitor: {path} has no ROS node that could carry one: it drives no vehicle to a goal"
+            f"--monitor: {path} has no ROS node for it, because it does not drive a vehicle to a goal"
         )
     monitor = None if watched is None else facts_of(safety.monitor_of(watched, "export"))
     rate = 1.0 / float(config["simulator"]["dt"])
@@ -124,10 +122,12 @@ def export_policy(path: Path, out: Path, watched: Request | None = None) -> list
                 text = ros_node(policy, rate, task.goal_radius, goal, task.max_steps, task.floor, ros)
                 (made / name).write_text(text, encoding="utf-8")
                 (made / name).chmod(0o755)
-                notes.append(f"{name}: a ROS {ros} node that plays it, or a plan; its first lines say how")
+                notes.append(
+                    f"{name}: a ROS {ros} node that runs it, or a plan; its first lines explain the use"
+                )
         if monitor is not None:
             write_json(made / MONITOR, monitor)
-            notes.append(f"{MONITOR}: where it lies beside a node, that stops as deploy.safe does")
+            notes.append(f"{MONITOR}: beside a node, it makes the node stop as deploy.safe does")
     return notes
 
 
@@ -141,7 +141,7 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
     new_place(out)
     if not path.exists() or (path.is_file() and path.stem != "recording"):
         raise UsageError(
-            f"{path}: no such recording{near_path(path)}; give a folder with recording.yaml, as `gpsim import` makes"
+            f"{path}: no such recording{near_path(path)}; give a folder with recording.yaml, made by `gpsim import`"
         )
     recording = read_recording(path)
     predictions, notes = predict(recording)
@@ -155,12 +155,12 @@ def predict(recording: Recording) -> tuple[Predictions, list[str]]:
     """The base simulator's one-step (`simulated`) and open-loop (`open_loop`) states, where there is one."""
     if recording.system not in SIMULATORS:
         return {}, [
-            f"measured channels only: no simulator '{recording.system}' (there are: {', '.join(SIMULATORS)})"
+            f"measured channels only: no simulator '{recording.system}' (known: {', '.join(SIMULATORS)})"
         ]
     simulator = open_simulator(recording.system)
     names = (recording.state.names, recording.action.names)
     if names != (simulator.state.names, simulator.action.names):
-        return {}, [f"measured channels only: not the channels of the simulator {recording.system}"]
+        return {}, [f"measured channels only: they are not those of the simulator {recording.system}"]
     parameters = simulator.defaults(recording.parameters)
     integrator, wraps = cast(Integrator, recording.integrator), recording.state.wraps
     found: dict[str, list[FloatArray]] = {"simulated": [], "open_loop": []}
@@ -196,12 +196,12 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
     found, plant = read_diagnosis(folder), read_corrected(folder)
     if not isinstance(plant.simulator, MjcfSimulator):
         raise UsageError(
-            f"{folder}: corrects {plant.simulator.name}, which is equations and no MuJoCo model, so there is no XML to "
-            f"write; drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
-            f"`gpsim train-gp-policy diagnosis={folder}`"
+            f"{folder}: corrects {plant.simulator.name}, which is a system of equations, so there is no XML to write; "
+            f"use it in Python with gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with `gpsim "
+            f"train-gp-policy diagnosis={folder}`"
         )
     if artifact.path.resolve() in out.resolve().parents:
-        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+        raise UsageError(f"{out}: is inside the diagnosis, which is never changed; choose another --out")
     correction = correction_of(plant, plant.simulator)
     source = {
         "diagnosis": str(folder),
@@ -213,14 +213,14 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
     made = export_model(correction, sentences(found.effects), source, out, moved, urdf)
     notes = [f"{kind:<8} {path.name}" for kind, path in made.files.items()]
     if plant.terms == () and not moved:
-        notes.append("no effect stands: the model is the base")
+        notes.append("no effect was found: the model is the base")
     notes += [went(effect) for effect in made.effects]
     if made.wrapped:
         notes.append(
-            f"the model alone lacks what the wrapper adds: drive it by Robot of {made.files['wrapper'].name}"
+            f"the model lacks the effects of the wrapper: run it with Robot from {made.files['wrapper'].name}"
         )
     notes += [f"not in the URDF: {line}" for line in made.lost]
-    notes.append(f"read back: no number differs by more than {made.difference:.1g} of its field's largest")
+    notes.append(f"read back: numbers differ by at most {made.difference:.1g} of the largest in their field")
     return made, [*notes, *(f"{said} -> model" for said in moved.values())]
 
 
@@ -258,7 +258,7 @@ def export_diagnosis(
     out = out or place.with_name(f"{place.name}.{form}")
     new_place(out)
     if artifact.path.resolve() in out.resolve().parents:
-        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+        raise UsageError(f"{out}: is inside the diagnosis, which is never changed; choose another --out")
     if horizon is not None and not 0 < horizon < np.inf:
         raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
     found = read_diagnosis(folder)
@@ -293,9 +293,9 @@ def export_diagnosis(
         f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
     ]
     if along.every > 1:
-        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
+        notes.append(f"simulated at one sample in {along.every}, as in the diagnosis")
     if not found.effects:
-        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
+        notes.append(f"no effect was found (verdict {found.verdict}): /corrected is the base")
     if body is None:
         notes.append(f"numbers only: nobody knows the shape of {plant.simulator.name}, so no body is drawn")
     return out, notes
@@ -306,21 +306,21 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
     config = artifact.manifest["config"]
     if diagnose.RECORDINGS in config:
         raise UsageError(
-            f"{artifact.path}: judges several recordings together, and one is shown at a time: diagnose that one alone"
+            f"{artifact.path}: is about several recordings, but only one can be shown: diagnose that one separately"
         )
     told = read_timings(artifact.path).get(diagnose.RECORDING)  # where nobody wrote it down, none
     place = recording or (Path(told) if isinstance(told, str) else None)
     if place is None:
         raise UsageError(
-            f"{artifact.path}: does not say where its recording lies; name it with --recording PATH"
+            f"{artifact.path}: does not contain the path of its recording; name it with --recording PATH"
         )
     if not place.exists():
-        raise UsageError(f"{place}: the recording is not there; say with --recording PATH where it lies now")
+        raise UsageError(f"{place}: the recording was not found; give its present path with --recording PATH")
     task = diagnose.Task(place, str(config["simulator"]), config.get("episodes"))
     if sorted(diagnose.digests_of(task).values()) != sorted(config["recording"].values()):
         raise UsageError(
-            f"{place}: not the recording that {artifact.path} diagnosed, or changed since; "
-            "name that one with --recording PATH, or diagnose this one"
+            f"{place}: not the recording of {artifact.path}, or changed since; name the right one with --recording "
+            "PATH, or diagnose this one"
         )
     return diagnose.open_recording(task)[0]
 

@@ -52,7 +52,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     base, settle, filtered = base_plant(request.config), settle_of(request), section.get("filter", False)
     count, rows = count_of(request), rows_of(request, residuals)
     if len(rows) < 10:
-        late = f" whose action has stood for {settle} steps (gp.settle)" if settle else ""
+        late = f" whose action has been held for {settle} steps (gp.settle)" if settle else ""
         raise UsageError(
             f"only {len(rows)} training transitions{late}: record more, or hold out fewer episodes"
         )
@@ -100,8 +100,8 @@ def _check_size(
         middle = (fits + too_many) // 2
         fits, too_many = (middle, too_many) if distinct(middle) <= MOST_ROWS else (fits, middle)
     raise UsageError(
-        f"gp.n_train={count}: {found} distinct training inputs, an exact Gaussian process takes at most {MOST_ROWS}; "
-        f"give gp.n_train={fits}, which are drawn from all by seed"
+        f"gp.n_train={count}: {found} distinct training inputs, an exact Gaussian process allows at most {MOST_ROWS}; "
+        f"set gp.n_train={fits} to draw that many with the seed"
     )
 
 
@@ -158,7 +158,7 @@ def observations_of(request: Request) -> ObservationSettings | None:
         raise UsageError(f"gp.observations: expected settings, as {{rounds: 3}}, or null, got {section!r}")
     if request.config["gp"].get("filter"):
         raise UsageError(
-            "gp.observations: states are estimated without a filter of the commands: set gp.filter=false"
+            "gp.observations: it estimates states without the command filter: set gp.filter=false"
         )
     return build(ObservationSettings, section, "gp.observations")
 
@@ -188,7 +188,7 @@ def _smoothed(request: Request, recording: Recording, base: SimulatorPlant, smoo
     whole = replace(recording, episodes=tuple(episode for episode, _ in parts))
     if not np.isfinite(np.concatenate([e.states for e in whole.episodes])).all():
         raise UsageError(
-            "gp.observations: the simulator runs away along the recording: no states can be estimated"
+            "gp.observations: the simulator diverges on the recording, so no states can be estimated"
         )
     found = build_residuals.subtracted(request, whole, base).take(
         np.concatenate([known for _, known in parts])
@@ -228,8 +228,8 @@ def _noise_of(recording: Recording, given: Mapping[str, Any] | None) -> FloatArr
     for name in recording.state.names:
         if name not in named or not number(named[name], f"gp.observations.noise.{name}") > 0.0:
             raise UsageError(
-                f"gp.observations: nobody says how noisy {name} is; give its standard deviation under noise in "
-                f"recording.yaml, or of every channel as gp.observations.noise={{{name}: 0.001, ...}}"
+                f"gp.observations: the noise of {name} is unknown; give its standard deviation under noise in "
+                f"recording.yaml, or for every channel as gp.observations.noise={{{name}: 0.001, ...}}"
             )
     return np.array([float(named[name]) for name in recording.state.names])
 

@@ -54,7 +54,7 @@ def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
 def _check(request: Request) -> None:
     """Settings that are wrong are better found now than after an hour of training."""
     if request.config["deployed"] is not None:
-        raise UsageError("deployed= scores logs of a policy, without a loop: gpsim evaluate deployed=...")
+        raise UsageError("deployed= scores logs of a policy and needs no loop: gpsim evaluate deployed=...")
     train_source.tracks(request)
     base_plant(request.config)
     settings_for(request, make_task(request.config))
@@ -189,7 +189,7 @@ def _behind(request: Request, of: str) -> list[Job]:
     else:
         found = [job for job in jobs if job.stage == of]
         if not found:
-            raise UsageError(f"sweep --of {of}: the loop has no such job with these settings")
+            raise UsageError(f"sweep --of {of}: the loop has no such stage with these settings")
         target = found[-1]
     wanted, ahead = set[str](), [target.label]
     while ahead:

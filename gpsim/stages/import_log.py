@@ -40,9 +40,8 @@ from gpsim.simulators import SIMULATORS
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
-    "no commands: its action is empty, so the recording will not say what was asked of the system; "
-    "`gpsim diagnose` takes that for commands of 0 (a free swing), the loop's stages need them; name the commands "
-    "under action where there are some"
+    "no commands: its action is empty, so the recording contains no commands; `gpsim diagnose` then uses commands of "
+    "0 (a free swing), but the stages of the loop need them; if there are commands, name them under action"
 )
 
 
@@ -221,10 +220,10 @@ def write_mapping(text: str, path: Path) -> None:
                 file.write(text)
         except FileExistsError as error:
             raise UsageError(
-                f"--write-mapping {path}: exists already; nothing is overwritten, choose another name"
+                f"--write-mapping {path}: exists already; files are never overwritten, choose another name"
             ) from error
         except FileNotFoundError as error:
-            raise UsageError(f"--write-mapping {path}: there is no such folder to write it in") from error
+            raise UsageError(f"--write-mapping {path}: its folder does not exist") from error
 
 
 def mapping_names() -> list[str]:
@@ -238,14 +237,16 @@ def read_mapping(name_or_file: str) -> dict[str, Any]:
     if path.suffix in (".yaml", ".yml") or _is_file(path):
         if not _is_file(path):
             raise UsageError(
-                f"--mapping {one_line(path)}: no such file; mappings by name are: {', '.join(mapping_names())}"
+                f"--mapping {one_line(path)}: no such file; built-in mappings: {', '.join(mapping_names())}"
             )
         where = str(path)
         raw = read_yaml(path, f"--mapping {where}")
     else:
         if name_or_file not in mapping_names():
             known = ", ".join(mapping_names())
-            raise UsageError(f"--mapping {one_line(name_or_file)}: neither a file nor one of: {known}")
+            raise UsageError(
+                f"--mapping {one_line(name_or_file)}: no such file or built-in mapping; known: {known}"
+            )
         text = files("gpsim.conf").joinpath("mapping", f"{name_or_file}.yaml").read_text(encoding="utf-8")
         raw, where = parse_yaml(text), name_or_file
     if not isinstance(raw, dict):

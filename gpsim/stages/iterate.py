@@ -56,15 +56,13 @@ def check(request: Request) -> int:
     rounds = positive(request.config["rounds"], "rounds")
     if not drivable(request.config):
         raise UsageError(
-            "run iterate: target=recording cannot be driven; deploy the policy of each round yourself and give its log "
-            "to the next as recording=DIR"
+            "run iterate: target=recording cannot be driven; deploy the policy of each round yourself and give its "
+            "log to the next as recording=DIR"
         )
     if request.config["recording"] is not None or request.config["diagnosis"] is not None:
-        raise UsageError(
-            "run iterate: every round makes its own recording; leave recording= and diagnosis= out"
-        )
+        raise UsageError("run iterate: every round makes its own recording; remove recording= and diagnosis=")
     if train_gp_policy.robust(request) and request.config["correction"] is None:
-        raise UsageError("run iterate: with robustness=posterior say correction=effects or effects+gp")
+        raise UsageError("run iterate: with robustness=posterior, use correction=effects or effects+gp")
     positive(request.config["collect"]["episodes"], "collect.episodes")
     collect.check(request)
     build_residuals.check(request)
@@ -114,7 +112,7 @@ def run(request: Request, launcher: Launcher, told: Told) -> Artifact:
             best, kept = policy, earned
         if gain <= error:
             stopped = (
-                f"round {turn + 1} gained {gain:.3g}, which is no more than its standard error of {error:.3g}"
+                f"round {turn + 1} gained {gain:.3g}, which does not exceed its standard error of {error:.3g}"
             )
             break
     return made("iterate", "iterate", request, partial(_summary_stage, done, stopped, parents))
@@ -218,7 +216,7 @@ def lines(artifact: Artifact) -> list[str]:
         new = (
             ""
             if r["new"] is None
-            else f"; {100 * r['new']:.0f} % of the base's one-step error was new on its drives"
+            else f"; {100 * r['new']:.0f} % of the base's one-step error was new in its drives"
         )
         kept = "" if r["adopted"] else ", not adopted"
         out.append(f"round {turn}: return {r['returns']:.1f}{gained}{kept}{new}")

@@ -94,12 +94,13 @@ def policy_for(folder: Path, plant: EffectsPlant) -> Artifact:
     task = make_task(config)
     if not (task.state.same_as(simulator.state) and task.action.same_as(simulator.action)):
         raise UsageError(
-            f"--policy {folder}: steers {config['simulator']['name']}, whose channels are not those of {simulator.name}"
+            f"--policy {folder}: drives {config['simulator']['name']}, whose channels are not those of "
+            f"{simulator.name}"
         )
     own = float(config["simulator"]["dt"])
     if not math.isclose(own, dt, rel_tol=SAME):
         raise UsageError(
-            f"--policy {folder}: acts every {own:g} s, the diagnosis is of one command every {dt:g} s"
+            f"--policy {folder}: acts every {own:g} s, but the diagnosis has one command every {dt:g} s"
         )
     return artifact
 
@@ -191,7 +192,7 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
     for folder in diagnoses:
         if read_diagnosis(folder).verdict == "none":
             raise UsageError(
-                f"{folder}: its verdict is none: nothing is missing, and there is nothing to plan for"
+                f"{folder}: its verdict is none: nothing is missing, so there is nothing to plan"
             )
     plants = [read_corrected(folder) for folder in diagnoses]
     for folder, plant in zip(diagnoses, plants, strict=True):

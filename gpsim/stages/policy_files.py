@@ -34,10 +34,10 @@ def write_survives(folder: Path, drawn: PosteriorPlant) -> None:
         "explanations": [_facts(explanation, total) for explanation in drawn.explanations],
     }
     write_json(folder / SURVIVES, plain(content))
-    lines = ["# What this policy was trained to survive", "", *survival_lines(folder), ""]
+    lines = ["# What this policy was trained for", "", *survival_lines(folder), ""]
     lines += [
-        "Each episode of its training drew one of these explanations, and its sizes with their correlations.",
-        "Outside of that nothing was tried: a machine that is none of these is no part of what it survives.",
+        "Each training episode drew one of these explanations, and its sizes with their correlations.",
+        "Nothing outside these ranges was tested. The policy may fail on a machine outside them.",
         "",
     ]
     (folder / PAGE).write_text("\n".join(lines), encoding="utf-8")

@@ -64,7 +64,7 @@ def numbers_of(
     """
     _refuse_strange(strata, STRATA, "", ROBOTS_APART | APART)
     if "words" in strata and len(strata) > 1:
-        raise UsageError("worlds of newer families are counted by themselves: --stratum words alone")
+        raise UsageError("worlds of newer families are scored separately: use only --stratum words")
 
     def wanted(number: int) -> bool:
         stratum, is_long, _ = stratum_of(number)
@@ -72,7 +72,7 @@ def numbers_of(
 
     if trials + rough + machines + curves + plan < 1:
         raise UsageError(
-            "no worlds: say how many with --trials, or of rough logs, machines, curves and plans with --rough, "
+            "no worlds: give their number with --trials, or for rough logs, machines, curves and plans with --rough, "
             "--machines, --curves, --plan"
         )
     first = FROM["words"] + 1 if "words" in strata else 1
@@ -103,9 +103,7 @@ def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0, floa
     """
     _refuse_strange(strata, ROBOT_STRATA, " of --system mjcf", ROBOTS_APART)
     if trials + whole + floating < 1:
-        raise UsageError(
-            "no worlds: say how many with --trials, --robots for whole robots, --floating for what floats or stands"
-        )
+        raise UsageError("no worlds: give their number with --trials, --robots or --floating")
     wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
     few = [FROM["robots"] + rank for rank in islice(wanted, trials)]
     others = ((FROM["whole"], whole), (FROM["afloat"], floating))
@@ -194,7 +192,8 @@ def _remember(out: Path, seed: int) -> None:
     path = out / PRIVATE / CONFIG
     if not path.is_file() and (out / PUBLIC / HASHES).is_file():
         raise UsageError(
-            f"{out}: holds recordings whose answers are elsewhere; diagnose them with: gpsim prove diagnose --out {out}"
+            f"{out}: contains recordings whose answers are elsewhere; diagnose them with: gpsim prove diagnose --out "
+            f"{out}"
         )
     if path.is_file():
         known = read_object(path)["seed"]

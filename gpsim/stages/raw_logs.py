@@ -117,7 +117,7 @@ def _topics(log: NamedLog, path: Path) -> Sequence[Topic]:
     topics = log.log.topics()
     of, where = "rows" if topics and topics[0].type == "table" else "messages", one_line(path)
     if not any(topic.count or topic.fault for topic in topics):
-        raise UsageError(f"{where}: no {of}: names and nothing below them; record or export it again")
+        raise UsageError(f"{where}: no {of}: it has column names but no rows; record or export it again")
     if not any(topic.fields or topic.fault for topic in topics):
         raise UsageError(f"{where}: no column of numbers; give a table with a column for each channel")
     return topics

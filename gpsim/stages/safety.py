@@ -75,7 +75,7 @@ def changed_target(request: Request) -> Plant:
         raise UsageError(f"deploy.change: '{fixed[0]}' cannot change; choose another target")
     if unknown:
         raise UsageError(
-            f"deploy.change: the target has no setting '{unknown[0]}'; there are: {', '.join(target)}"
+            f"deploy.change: the target has no setting '{unknown[0]}'; valid settings: {', '.join(target)}"
         )
     return target_plant({**request.config, "target": {**target, **change}})
 
@@ -202,7 +202,7 @@ def safety_lines(found: Mapping[str, Any]) -> list[str]:
         lines.append(
             f"monitor, concealed change: {changed['stopped_before_limit']} of {changed['drives']} drives stopped "
             f"before the limit, {changed['limit_first']} reached it first, {changed['went_on']} went on"
-            + (f"; {after:.2f} s after the change in the median" if after is not None else "")
+            + (f"; {after:.2f} s after the change (median)" if after is not None else "")
         )
     lines.append(
         f"monitor, nothing changed: {of['false_stops']} false stops in {of['drives']} drives of up to "
@@ -218,7 +218,7 @@ def watched(request: Request, recording: Recording, parts: Sequence[tuple[str, A
     if recording.state.names != base.state.names or recording.action.names != base.action.names:
         raise UsageError(
             f"the log has {', '.join((recording.state + recording.action).names)}; the simulator predicts "
-            f"{', '.join(base.state.names)} from {', '.join(base.action.names)}: map the log to these"
+            f"{', '.join(base.state.names)} from {', '.join(base.action.names)}: map the log to these channels"
         )
     monitor, limits = monitor_of(request, "replay"), limits_of(request)
     monitor.channels = either_wraps(base.state, recording.state)

@@ -65,7 +65,7 @@ def check_same_code(code: str) -> None:
         release = code.split(" ", 1)[0]
         what = f"gpsim {gpsim.__version__}" if release != gpsim.__version__ else "another state of its code"
         raise UsageError(
-            f"the worker runs {what}, the command gpsim {release}: install the same on both, and start the workers anew"
+            f"the worker runs {what}, the command gpsim {release}: install the same on both and restart the workers"
         )
 
 
@@ -81,7 +81,7 @@ def blamed(simulator: object) -> Iterator[None]:
         if file is None:
             raise
         raise UsageError(
-            f"{file}: ended the program (exit code {error.code}); a simulator only returns: take exit() out of it"
+            f"{file}: ended the program (exit code {error.code}); a simulator must only return: remove exit() from it"
         ) from error
     except WorkerDiedError as error:
         if file is None or error.killed:
@@ -221,7 +221,8 @@ class Stage:
         if found is not None:
             return found, True
         with store.claimed(
-            recipe, lambda who: request.progress(0, 0, f"waiting for {who}, which makes the same")
+            recipe,
+            lambda who: request.progress(0, 0, f"waiting for {who}, which is making it"),
         ):
             found = store.find(recipe, looked=request.looked)  # another process may have made it meanwhile
             return (found, True) if found is not None else (self._publish(request, recipe), False)

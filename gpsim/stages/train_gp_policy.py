@@ -81,8 +81,8 @@ def _settled(request: Request) -> Request:
     if robust(request) and said in (None, "gp"):
         if said == "gp":
             raise UsageError(
-                "robustness=posterior draws what a diagnosis leaves open; choose correction=effects, or "
-                "correction=effects+gp with the Gaussian process on the rest"
+                "robustness=posterior draws from a diagnosis; choose correction=effects, or correction=effects+gp "
+                "with the Gaussian process"
             )
         request, said = request.having(correction="effects+gp"), "effects+gp"
     if said is None:
@@ -104,7 +104,7 @@ def _left_out(request: Request) -> str | None:
 def remarks(request: Request) -> list[str]:
     """Whether a Gaussian process that was asked for was left out, and where event files lie."""
     why = _left_out(request)
-    said = [f"no Gaussian process beside the effects, as with correction=effects: {why}"] if why else []
+    said = [f"no Gaussian process with the effects, as with correction=effects: {why}"] if why else []
     return [*said, *train_source.tracking_remarks(request)]
 
 
@@ -175,8 +175,8 @@ def _check_fits(plant: EffectsPlant, base: SimulatorPlant, where: Path) -> None:
     wanted = other_settings(base, plant.dt, plant.parameters)
     if wanted:
         raise UsageError(
-            f"diagnosis={where} corrects another simulator than this experiment's: choose {' '.join(wanted)}, "
-            "or diagnose a recording at this one's pace and with its parameters"
+            f"diagnosis={where} corrects another simulator than this experiment's: choose {' '.join(wanted)}, or "
+            "diagnose a recording with the same time step and parameters"
         )
 
 

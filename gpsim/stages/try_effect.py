@@ -55,7 +55,7 @@ def systems_for(brought: Brought, simulator: str | None) -> tuple[Simulator, str
         if places := brought.effect.places(found):
             return found, places[0]
     where = simulator or "no registered simulator"
-    raise UsageError(f"{brought.reference}: {where} has no place for it; name one that has with --simulator")
+    raise UsageError(f"{brought.reference}: {where} has no place for it; name another with --simulator")
 
 
 def checks(brought: Brought, seed: int) -> Iterator[Check]:

@@ -127,11 +127,12 @@ class Watch:
                 self.monitor.resume(said["sums"])
             except (ValueError, KeyError, TypeError) as error:
                 raise UsageError(
-                    f"{self.log}: line {number} is none of a watch; move it away, or choose another --log"
+                    f"{self.log}: line {number} is not from gpsim watch; move it away, or choose another --log"
                 ) from error
             if not same:
                 raise UsageError(
-                    f"{self.log}: is of another diagnosis than {self.diagnosis}; move it away, or choose another --log"
+                    f"{self.log}: is for another diagnosis than {self.diagnosis}; move it away, or choose another "
+                    "--log"
                 )
 
     def pass_over(self) -> Iterator[Watched]:

@@ -61,7 +61,7 @@ class GoalReaching:
             )
         if not self.goal_radius < self.arena / 2.0 - self.agent_radius:
             raise ValueError(
-                f"goal_radius {self.goal_radius:g} m leaves no room in the arena for a way to the goal"
+                f"goal_radius {self.goal_radius:g} m leaves no room in the arena for a path to the goal"
             )
         if not (self.speed[0] < self.speed[1] and self.turn[0] < self.turn[1]):
             raise ValueError("speed and turn need a lower bound below the upper one")

@@ -120,7 +120,7 @@ def _call(function: Callable[..., Any], told: list[dict[str, Any]], what: str) -
     except Exception as error:  # a user's code may raise anything
         arguments = "(state)" if what == "terminated" else "(state, action, next_state)"
         raise UsageError(
-            f"{what}{arguments} raised {type(error).__name__}: {' '.join(str(error).split())[:160]}; it is given "
+            f"{what}{arguments} raised {type(error).__name__}: {' '.join(str(error).split())[:160]}; its inputs are "
             "mappings of channel: value"
         ) from error
 

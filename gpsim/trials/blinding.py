@@ -131,7 +131,7 @@ def published(out: Path) -> dict[str, str]:
     path = out / PUBLIC / HASHES
     if not path.is_file():
         raise UsageError(
-            f"{path}: no hashes of the answers; they are published before anybody diagnoses: gpsim prove conceal"
+            f"{path}: no hashes of the answers, which must exist before the diagnosis: gpsim prove conceal"
         )
     lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     if any(len(line) != 2 or not NAME.fullmatch(line[1]) for line in lines):
@@ -157,10 +157,10 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
     digest = published(out).get(name)
     if digest is None:
         raise UsageError(
-            f"{out / PUBLIC / HASHES}: no hash of the answer to trial {name}; it is published before anybody diagnoses"
+            f"{out / PUBLIC / HASHES}: no hash of the answer to trial {name}, which must exist before the diagnosis"
         )
     if not public.is_dir():
-        raise UsageError(f"{public}: no recording of the published trial; hand over public/ whole")
+        raise UsageError(f"{public}: no recording of the published trial; hand over all of public/")
     known: dict[str, Any] = {"answer_sha256": digest, "git_commit": git_commit()}
     with _room() as room:
         shutil.copytree(public, room / RECORDING)
@@ -297,12 +297,10 @@ def reveal(out: Path, answers: Path, name: str) -> Answer:
     """
     outcome, public = read_outcome(out, name), out / PUBLIC / name
     if not public.is_dir() or recording_digests(public) != outcome.get("recording"):
-        raise UsageError(
-            f"{public}: missing, or not the recording that was diagnosed; trial {name} is refused"
-        )
+        raise UsageError(f"{public}: missing, or not the diagnosed recording; trial {name} is refused")
     path = answers / name / ANSWER
     if not path.is_file():
-        raise UsageError(f"{path}: no such answer; say where the answers are with --answers")
+        raise UsageError(f"{path}: no such answer; name the folder of the answers with --answers")
     digest, refused = file_digest(path), f"the answer of trial {name} is refused"
     for said, where in (
         (published(out).get(name), "published beside the recordings"),

@@ -32,13 +32,13 @@ def contradictions(diagnosis: Json) -> list[str]:
         return found + [f"verdict {verdict}, and {_name(e)} is a headline effect" for e in claims]
     for effect in claims:
         if no_size(effect["family"], _sizes(effect)):
-            found.append(f"nothing is known of how large {_name(effect)} is, a headline effect")
+            found.append(f"the size of {_name(effect)}, a headline effect, is unknown")
     if not effects:
         found.append(f"verdict {verdict}, without an effect")
     if verdict == "named":
         found += _named(diagnosis, claims)
     if verdict == "ambiguous" and not diagnosis["alternatives"] and not any(_low(e) for e in claims):
-        found.append("verdict ambiguous, without an alternative and with odds that are not low")
+        found.append("verdict ambiguous, but without an alternative or low odds")
     return found
 
 
@@ -49,27 +49,27 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     for effect in claims:
         sizes = _sizes(effect)
         if any(size.at_bound for size in sizes.values()):
-            yield f"verdict named, and {_name(effect)} stopped at its bound"
+            yield f"verdict named, but {_name(effect)} stopped at its bound"
         if not sized(effect["family"], sizes):
-            yield f"verdict named, and the size of {_name(effect)} is not known"
+            yield f"verdict named, but the size of {_name(effect)} is unknown"
         if effect.get("form") == "approximate":
-            yield f"verdict named, and the law of {_name(effect)} holds only approximately"
+            yield f"verdict named, but the law of {_name(effect)} holds only approximately"
         if _low(effect):
-            yield f"verdict named, and the odds against an account without {_name(effect)} are low"
+            yield f"verdict named, but the odds against an account without {_name(effect)} are low"
     for rival in diagnosis["alternatives"]:
         lacking = set(map(_claim, claims)) - set(map(_claim, rival["effects"]))
         if lacking:
-            yield f"verdict named, and an alternative lacks {', '.join(f'{f} on {on}' for f, on in sorted(lacking))}"
+            yield f"verdict named, but an alternative lacks {', '.join(f'{f} on {on}' for f, on in sorted(lacking))}"
     explained = diagnosis.get("explained") or {}
     share = explained.get("rollout") or {"share": 0.0, "high": None}
     something = diagnosis.get("remainder", {}).get("structured") or explained.get("counts", True)
     if something and share["high"] is not None and share["high"] < VerdictSettings().nearly_all:
-        yield "verdict named, and much less than nine tenths are explained"
+        yield "verdict named, but much less than nine tenths are explained"
     most = share["share"] if share["high"] is None else share["high"]
     taken = (diagnosis["fit"].get("black_box") or {"takes_off": {"share": 0.0}})["takes_off"]
     least = taken["share"] if taken.get("low") is None else taken["low"]
     if least > VerdictSettings().black_box and most < 1 - VerdictSettings().headline:
-        yield "verdict named, and a black box takes more than a quarter off the error"
+        yield "verdict named, but a black box removes more than a quarter of the error"
 
 
 def _probabilities(diagnosis: Json) -> Iterator[str]:
@@ -87,14 +87,14 @@ def _probabilities(diagnosis: Json) -> Iterator[str]:
     if best > margin * leader:
         yield f"the leader's probability is {leader:.2g}, an alternative's {best:.2g}"
     if best > leader * CLOSE and diagnosis.get("leads", "simplest") == "likeliest":
-        yield "the leader is called the likeliest, and an alternative is likelier"
+        yield "the leader is called the likeliest, but an alternative is more likely"
     for effect in effects:
         nats = (effect.get("odds") or {}).get("nats")
         against = [r["probability"] for r in rivals if _claim(effect) not in map(_claim, r["effects"])]
         if nats is not None and against and leader > 0.0:
             said = math.log(leader / max(max(against), 1e-300))
             if nats > said + math.log(CLOSE):
-                yield f"the odds against an account without {_name(effect)} are higher than its probability says"
+                yield f"the odds against an account without {_name(effect)} contradict its probability"
 
 
 def _low(effect: Json) -> bool:

@@ -21,7 +21,7 @@ from gpsim.trials.intervals import (
 
 SCHEMA = "gpsim.prove/1"
 SIZES = ("single", "pair", "triple")
-NEAR_OWN = 1.1  # held-out error over the true model's own
+NEAR_OWN = 1.1  # held-out error relative to the true model
 
 
 def summarise(scores: Sequence[Score]) -> dict[str, Any]:
@@ -158,7 +158,7 @@ def _failed(scores: Sequence[Score]) -> int:
 
 
 def worst_fit(score: Score, kind: str = "after") -> float | None:
-    """A model's held-out error over the true model's own, in the rate where it is worst.
+    """A model's held-out error relative to the true model, in the rate where it is worst.
 
     Infinite where the diagnosis failed or what it corrected ran away; None where nothing was measured.
     """
@@ -218,7 +218,7 @@ def _by_kind(scores: Sequence[Score]) -> dict[str, Any]:
 
 
 def _rivals(scores: Sequence[Score]) -> dict[str, Any]:
-    """The same worlds by other means: held-out error over the true model's own; and who names what.
+    """The same worlds by other means: held-out error relative to the true model; and who names what.
 
     A diagnosis that failed or a model that ran away counts as infinite.
     """
@@ -265,14 +265,14 @@ GOALS: Mapping[str, Goal] = {
     "none.share_false": Goal("nothing missing: false alarms", "<=", 0.01),
     "unknown.share": Goal("outside: said so", ">=", 0.92),
     "unknown.share_named_wrong": Goal("outside: wrong name, odds > 10", "<=", 0.03),
-    "rough.headline_found": Goal("rough: main effects in the headline", ">=", 0.90),
+    "rough.headline_found": Goal("rough: main effects among the headline effects", ">=", 0.90),
     "rough.verdict_right": Goal("rough: verdict right", ">=", 0.85),
     "rough.spurious": Goal("rough: spurious headline effects", "<=", 0.15),
     "rough.coverage_90": Goal("rough: 90 % intervals cover", ">=", 0.85, 0.95),
     "machines.told": Goal("machines: effects that count, told", ">=", 0.85),
-    "machines.spurious": Goal("machines: told and not there, a world", "<=", 0.3),
+    "machines.spurious": Goal("machines: spurious claims per world", "<=", 0.3),
     "machines.sized": Goal("machines: sizes within 15 % or the interval", ">=", 0.85),
-    "machines.rollouts_within": Goal("machines: held-out rollouts within 1.3 of the truth's", ">=", 0.90),
+    "machines.rollouts_within": Goal("machines: held-out rollouts within 1.3 of the truth", ">=", 0.90),
     "machines.black_box_better": Goal("machines: a black box is better", "<=", 0.05),
     "machines.verdict_right": Goal("machines: verdict right", ">=", 0.85),
     "machines.coverage_90": Goal("machines: 90 % intervals cover", ">=", 0.80, 0.95),
@@ -283,21 +283,21 @@ GOALS: Mapping[str, Goal] = {
     "mjcf.coverage_90": Goal("robots: 90 % intervals cover", ">=", 0.85, 0.95),
     "whole.rows_right": Goal("whole robots: rows of friction and rotors right", ">=", 0.85),
     "whole.bodies_right": Goal("whole robots: bodies right or in a combination", ">=", 0.80),
-    "whole.spurious": Goal("whole robots: headline effects not there, a robot", "<=", 0.3),
-    "whole.rollouts_within": Goal("whole robots: held-out rollouts within 1.3 of the truth's", ">=", 0.85),
+    "whole.spurious": Goal("whole robots: spurious headline effects per robot", "<=", 0.3),
+    "whole.rollouts_within": Goal("whole robots: held-out rollouts within 1.3 of the truth", ">=", 0.85),
     "whole.coverage_90": Goal("whole robots: 90 % intervals cover", ">=", 0.85, 0.95),
-    "afloat.worlds_right": Goal("afloat: right, with nothing said that is not there", ">=", 0.80),
+    "afloat.worlds_right": Goal("afloat: right, without spurious claims", ">=", 0.80),
     "afloat.false_alarms": Goal("afloat: nothing missing, false alarms", "<=", 0.02),
-    "afloat.rollouts_within": Goal("afloat: held-out rollouts within 1.3 of the truth's", ">=", 0.85),
+    "afloat.rollouts_within": Goal("afloat: held-out rollouts within 1.3 of the truth", ">=", 0.85),
     "afloat.coverage_90": Goal("afloat: 90 % intervals cover", ">=", 0.85, 0.95),
     "curves.curve_right": Goal("curves: within 10 % of the law's range", ">=", 0.85),
     "curves.place_right": Goal("curves: site and input right", ">=", 0.90),
     "curves.named_wrong": Goal("curves: a law of the catalogue said to hold", "<=", 0.05),
-    "plans.resolved": Goal("plans: worlds that any excitation resolves, resolved", ">=", 0.85),
-    "plans.over_fixed": Goal("plans: median time over the best fixed one's", "<=", 0.5),
+    "plans.resolved": Goal("plans: decided, of worlds that any excitation decides", ">=", 0.85),
+    "plans.over_fixed": Goal("plans: median time relative to the best fixed excitation", "<=", 0.5),
     "plans.left": Goal("plans: left the box", "<=", 0.01),
     "undecided.share": Goal("undecided though identifiable", "<=", 0.05),
-    "fit.share_within": Goal("held-out error near the truth's", ">=", 0.95),
+    "fit.share_within": Goal("held-out error close to the truth", ">=", 0.95),
     "seconds.median": Goal("seconds, median", "<=", 20.0),
     "seconds.max": Goal("seconds, longest", "<=", 60.0),
 }

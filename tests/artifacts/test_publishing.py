@@ -37,7 +37,7 @@ def test_same_recipe_same_bytes(store, tmp_path):
 
 
 def test_a_setting_that_json_does_not_know_is_one_line():
-    with pytest.raises(UsageError, match="fit-gp: a setting is neither number, text, .*; quote dates"):
+    with pytest.raises(UsageError, match="fit-gp: a setting must be a number, text, .*; quote dates"):
         _ = recipe(day=datetime.date(2026, 1, 31)).key
 
 

@@ -24,7 +24,7 @@ class Tank:
             {}
         return {{"level": action["pump"] - p["outflow"] * state["level"]}}
 """
-INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on\n"
+INTERRUPTED = "interrupted: finished artifacts are complete; run the same command to continue\n"
 
 
 def commanded(code, *words, **options):
@@ -69,20 +69,20 @@ def test_a_fault_of_gpsim_is_a_traceback():
 
 
 CALLS = "supervision.calls('my\\x1b[31m.py')"
-KILLED = "error: killed (out of memory?); finished artifacts are whole, run the same command to carry on"
+KILLED = "error: killed (out of memory?); finished artifacts are complete; run the same command to continue"
 
 
 @pytest.mark.parametrize(
     ("code", "expected", "said"),
     [
-        (f"{CALLS}; os._exit(0)", 2, "error: my[31m.py: ended the program (exit code 0) in the middle of its work; "),
+        (f"{CALLS}; os._exit(0)", 2, "error: my[31m.py: ended the program (exit code 0) during a call; "),
         (f"{CALLS}; os.execlp('true', 'true')", 2, "error: my[31m.py: ended the program (exit code 0) "),
         (f"{CALLS}; ctypes.string_at(0)", 2, "error: my[31m.py: crashed Python (SIGSEGV), most likely in the code of"),
         (f"{CALLS}; os.abort()", 2, "error: my[31m.py: crashed Python (SIGABRT)"),
-        (f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)", 2, "error: my[31m.py: a call did not return; fix it"),
+        (f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)", 2, "error: my[31m.py: a call did not return; correct it"),
         ("os.kill(os.getpid(), signal.SIGKILL)", 2, KILLED),
-        ("os._exit(0)", 1, "error: ended the program (exit code 0) in the middle of its work; run the same command"),
-        ("ctypes.string_at(0)", 1, "error: crashed Python (SIGSEGV): a fault of gpsim or of a library; "),
+        ("os._exit(0)", 1, "error: ended the program (exit code 0) during a call; run the same command"),
+        ("ctypes.string_at(0)", 1, "error: crashed Python (SIGSEGV): a bug in gpsim or in a library; "),
     ],
 )  # fmt: skip
 def test_who_ends_without_a_word_is_spoken_for(code, expected, said):
@@ -109,11 +109,13 @@ def recording(tmp_path):
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("os._exit(0)", "ended the program (exit code 0) in the middle of its work"),
+        ("os._exit(0)", "ended the program (exit code 0) during a call"),
         ("ctypes.string_at(0)", "crashed Python (SIGSEGV) at line 12, in rates"),
-        pytest.param("os.fork()", "made a copy of the process that came back", marks=pytest.mark.slow),
+        pytest.param("os.fork()", "returned in a copied process", marks=pytest.mark.slow),
         pytest.param("raise GeneratorExit", "rates raised GeneratorExit", marks=pytest.mark.slow),
-        pytest.param("time.sleep(1e6)", "rates did not return within 1 s; fix it", marks=pytest.mark.slow),
+        pytest.param(
+            "time.sleep(1e6)", "rates did not return within 1 s; correct it", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_model_that_does_so_after_200_calls_is_named(tmp_path, recording, what, said):

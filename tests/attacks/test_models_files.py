@@ -59,7 +59,7 @@ def test_more_elements_than_any_robot_has(tmp_path, gpsim, text):
     )
     said = gpsim("simulators", "show", written(tmp_path, text))
     assert said.code == 2
-    assert "make more than 10000 elements; if it is sound, allow more: GPSIM_LIMITS=" in said.err
+    assert "make more than 10000 elements; if it is valid, allow more: GPSIM_LIMITS=" in said.err
 
 
 def test_what_a_user_grants_beside_the_limits(tmp_path, gpsim, monkeypatch):
@@ -67,7 +67,7 @@ def test_what_a_user_grants_beside_the_limits(tmp_path, gpsim, monkeypatch):
     assert gpsim("simulators", "show", robot).code == 2
     robot = written(tmp_path, world("".join(MANY.format(i) for i in range(210))))
     assert (
-        "211 degrees of freedom, the limit is 200; if it is sound" in gpsim("simulators", "show", robot).err
+        "211 degrees of freedom, the limit is 200; if it is valid" in gpsim("simulators", "show", robot).err
     )
     monkeypatch.setenv("GPSIM_LIMITS", "2")
     assert gpsim("simulators", "show", robot).code == 0
@@ -89,7 +89,7 @@ def test_what_a_user_grants_beside_the_limits(tmp_path, gpsim, monkeypatch):
 def test_room_for_more_numbers_than_any_robot_needs(tmp_path, gpsim, text):
     said = gpsim("simulators", "show", written(tmp_path, text))
     assert said.code == 2
-    assert "the limit is 16777216; if it is sound, allow more: GPSIM_LIMITS=" in said.err
+    assert "the limit is 16777216; if it is valid, allow more: GPSIM_LIMITS=" in said.err
 
 
 @pytest.mark.parametrize("kind", ["pipe", "device", "link to a pipe"])
@@ -107,7 +107,7 @@ def test_what_is_no_ordinary_file_is_not_opened(tmp_path, gpsim, kind, part):
     }[part]
     said = gpsim("simulators", "show", written(tmp_path, text))
     assert said.code == 2
-    assert "which is no ordinary file; name a file of the model's" in said.err
+    assert "which is not a regular file; name a file of the model" in said.err
 
 
 def test_a_urdf_with_a_pipe_for_a_package(tmp_path, gpsim):
@@ -117,7 +117,7 @@ def test_a_urdf_with_a_pipe_for_a_package(tmp_path, gpsim):
     for name in ("package://arm/part.stl", "part.stl", "file://part.stl"):
         said = gpsim("simulators", "show", written(tmp_path, text.format(name), "robot.urdf"))
         assert said.code == 2
-        assert "which is no ordinary file" in said.err
+        assert "which is not a regular file" in said.err
 
 
 def test_pictures_that_swell(tmp_path, gpsim):
@@ -143,13 +143,13 @@ def test_files_that_attach_each_other_twice_over(tmp_path, gpsim, first):
     written(tmp_path, f'<mujoco><worldbody><body name="b">{GEOM}</body></worldbody></mujoco>', "part30.xml")
     said = gpsim("simulators", "show", str(tmp_path / "part0.xml"))
     assert said.code == 2
-    assert "elements; if it is sound" in said.err
+    assert "elements; if it is valid" in said.err
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('<!DOCTYPE l [<!ENTITY a "ha">]>' + PENDULUM, "it declares entities"),
+        ('<!DOCTYPE l [<!ENTITY a "ha">]>' + PENDULUM, "it declares XML entities"),
         ("<mujoco><worldbody>" + "<body>" * 100_000, "nested more than 500 deep"),
         (before("<") + "x", "a < that begins no tag"),
         ("<mujoco>" + "<!--" * 100_000, "a < that begins no tag"),

@@ -50,7 +50,7 @@ def test_a_name_that_breaks_a_line_is_refused(tmp_path, gpsim, kind):
 def test_a_name_that_is_no_text_is_refused(tmp_path, gpsim):
     robot = tmp_path / "robot.xml"
     robot.write_bytes(DOUBLE.encode().replace(b'"elbow"', b'"elb\x93w"'))
-    assert "a name in it is no UTF-8 text" in gpsim("simulators", "show", robot).err
+    assert "a name in it is not valid UTF-8" in gpsim("simulators", "show", robot).err
     robot.write_bytes(DOUBLE.encode().replace(b"<worldbody>", b"<!-- Andr\xe9 --><worldbody>", 1))
     assert gpsim("simulators", "show", robot).code == 0
 

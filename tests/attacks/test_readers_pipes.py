@@ -18,7 +18,7 @@ META = "system: cartpole\ndt: 0.02\nstate: {x: m}\n"
 @pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
 def test_a_pipe_is_not_opened(tmp_path, read, name):
     os.mkfifo(tmp_path / name)
-    with impatient(), pytest.raises(UsageError, match="is no ordinary file"):
+    with impatient(), pytest.raises(UsageError, match="is not a regular file"):
         read(tmp_path / name)
 
 

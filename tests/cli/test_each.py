@@ -99,7 +99,7 @@ def test_words_that_count_for_none(gpsim, logs):
     Path("kept/recording.yaml").write_text("system: slider\n")
     code, _, err = gpsim("diagnose", "kept", "--each", "gp.n_train=3")
     assert code == 2
-    assert "gp.n_train=3: not used beside a RECORDING" in err.splitlines()[-1]
+    assert "gp.n_train=3: not used with a RECORDING" in err.splitlines()[-1]
     code, _, err = gpsim("diagnose", "--each")
     assert (code, err) == (2, "error: diagnose: --each needs RECORDINGs, or folders of them\n")
 

@@ -1,4 +1,4 @@
-"""Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, 130 interrupted."""
+"""Exit codes: 0 done, 2 bad input, 3 a valid recording that allows no diagnosis, 130 interrupted."""
 
 import json
 import re
@@ -54,7 +54,7 @@ def test_a_dead_sensor_and_a_misread_table_are_bad_input(spoil, gpsim, tmp_path)
     table.to_csv(path, index=False)
     code, _, err = gpsim("diagnose", path, "--simulator", "pendulum", "--cores", "1")
     assert code == 2
-    assert ("check the sensor" if spoil == "theta_dot" else "names episodes") in err
+    assert ("check the sensor" if spoil == "theta_dot" else "must name episodes") in err
 
 
 def test_the_page_lists_the_codes_that_help_does(gpsim):

@@ -51,7 +51,7 @@ def test_list_says_what_is_asked(monkeypatch, capfd):
     ("words", "fault"),
     [
         (("effects", "check", "none.py"), "none.py: no such file of effects"),
-        (("effects", "new", "My Effect"), "call it by small letters"),
+        (("effects", "new", "My Effect"), "use lower-case letters"),
         (("effects", "new", "cable", "--site", "wing"), "--site wing: there are force, friction"),
         (("effects", "show", "sprong"), "unknown effect family 'sprong'"),
         (("effects", "check", "bad.py"), "bad.py:Bad: it needs a method law(self, q, speed, weight)"),

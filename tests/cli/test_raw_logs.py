@@ -31,7 +31,7 @@ def stopped(monkeypatch):
 
 def proposed(err):
     """The command that a message proposes, as words."""
-    found = re.search(r"say what is what: gpsim (.*?)(?:; | \()", err)
+    found = re.search(r"assign the columns: gpsim (.*?)(?:; | \()", err)
     assert found, err
     return shlex.split(found[1])
 
@@ -65,7 +65,7 @@ def test_a_table_is_understood_by_its_names_and_asked_about_once(gpsim, stopped,
     assert len(table) < 8
     assert len(line) < 240
     assert "gpsim import --inspect log.csv --write-mapping mapping.yaml" in line
-    assert "looks like one of pendulum" in err
+    assert "looks like pendulum" in err
     words = proposed(err)
     assert words[:4] == ["diagnose", "log.csv", "--simulator", "pendulum"]
     code, _, err = gpsim(*words, "--cores", "1")
@@ -115,7 +115,7 @@ def test_a_matlab_file_whose_command_nobody_can_guess(gpsim, stopped, tmp_path):
     savemat(tmp_path / "rig.mat", {"t": t, "qm": q, "qg": q + 0.001, "vir": volts})
     code, _, err = gpsim("diagnose", "rig.mat")
     assert code == 2
-    assert re.search("force +N +[?] one of qg, vir; none where there was no command", err)
+    assert re.search("force +N +[?] one of qg, vir; none if there was no command", err)
     assert re.search("q +m +qm by its name alone[?]", err)
     words = [word.replace("force=COLUMN", "force=35.15*vir") for word in proposed(err)]
     code, _, err = gpsim(*words, "--cores", "1")
@@ -219,10 +219,10 @@ def test_planned_tables_are_left_out(gpsim, stopped, tmp_path):
     [
         (["theta=positoin"], "theta=positoin: no column or topic 'positoin' (did you mean 'position'?)"),
         (["phi=position"], "phi=position: no channel of pendulum; there are: theta, theta_dot, torque"),
-        (["theta=degg*position"], "'degg' is no factor; give a number, or one of mm, cm"),
+        (["theta=degg*position"], "'degg' is not a factor; give a number, or one of mm, cm"),
         (["target=friction"], "target=friction: no channel of pendulum"),
         (["simulator=pendulum"], "simulator=pendulum: beside a RECORDING give --simulator NAME"),
-        (["gp.n_train=3"], "gp.n_train=3: not used beside a RECORDING"),
+        (["gp.n_train=3"], "gp.n_train=3: not used with a RECORDING"),
     ],
 )
 def test_a_wrong_word_is_one_line(words, said, gpsim, tmp_path):
@@ -261,7 +261,7 @@ def test_import_guesses_as_diagnose_does(gpsim, tmp_path):
 def test_a_mapping_that_comes_with_gpsim_is_offered_and_taken(gpsim, stopped, tmp_path):
     logged(tmp_path / "data_measured.csv")
     _, _, err = gpsim("diagnose", "data_measured.csv")
-    assert "if it is the public set simple_pendulum: --mapping simple_pendulum instead" in err
+    assert "for the public data set simple_pendulum: use --mapping simple_pendulum" in err
     gpsim("diagnose", "data_measured.csv", "--mapping", "simple_pendulum", "--cores", "1")
     assert stopped[0][2]["mass"] == 0.6
     _, _, err = gpsim("diagnose", "--mapping", "simple_pendulum")
@@ -274,8 +274,8 @@ def test_what_may_say_when_the_motors_were_on_is_told(gpsim, stopped, tmp_path):
     logged(tmp_path / "log.csv", names, enabled=lambda t: 1.0 * (t > 1.0))
     words = ["diagnose", "log.csv", "--simulator", "pendulum", "--cores", "1"]
     _, _, err = gpsim(*words)
-    added = re.search(r"enabled may say when the motors were on; if so, add (.*)", err)[1].split()
+    added = re.search(r"enabled may show when the motors were on; if so, add (.*)", err)[1].split()
     _, _, err = gpsim(*words, *added)
-    assert "may say when" not in err
+    assert "may show when" not in err
     whole, cut = (len(recording.episodes[0]) for recording, _, _ in stopped)
     assert (whole, cut) == (299, 198)

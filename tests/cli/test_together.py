@@ -80,4 +80,4 @@ def test_what_does_not_go_together_is_one_line(gpsim, days):
     assert "--score goes with one RECORDING at a time" in err
     code, _, err = gpsim("diagnose", days)
     assert (code, err.count("\n")) == (2, 1)
-    assert "holds 3 recordings, friday first: name one, name several to judge them together" in err
+    assert "holds 3 recordings, friday first: name one, name several for a common account" in err

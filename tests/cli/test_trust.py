@@ -35,7 +35,7 @@ class Slider:
 def robot():
     raise ValueError("it was called")
 """
-REFUSED = "would run as you, and only data"
+REFUSED = "would run with your rights, and only data"
 
 
 @pytest.fixture(autouse=True)
@@ -289,7 +289,7 @@ def test_what_others_may_have_written_is_not_believed(how, recording, evil, ran,
         kept.write_text("{")
     code, _, err = called(monkeypatch, capfd, "diagnose", recording, "--dry-run")
     assert code == 2
-    assert "what you allowed before is not read" in err
+    assert "earlier permissions cannot be read" in err
     assert not ran.exists()
 
 
@@ -298,7 +298,7 @@ def of_the_file(reference: str) -> tuple[str, ...]:
 
 
 def test_workers_may_run_what_their_parent_may_though_nothing_can_be_kept(evil, tmp_path):
-    (tmp_path / "config").write_text("a file, no folder")
+    (tmp_path / "config").write_text("a file, not a folder")
     (tmp_path / "other.py").write_text(SYSTEM.format(ran=str(tmp_path / "other_ran")))
     trust.consent(f"{evil}:Slider")
     with worker_pool(1, begin_worker, os.getpid()) as pool:

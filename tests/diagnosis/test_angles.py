@@ -40,15 +40,15 @@ def asked(recording, settings=None):
 @pytest.mark.parametrize(
     ("factors", "shift", "said"),
     [
-        ((DEGREES, 1.0), 0.0, r"^theta moves 57\.\d times as fast as theta_dot says: theta is in degrees"),
+        ((DEGREES, 1.0), 0.0, r"^theta moves 57\.\d times as fast as theta_dot implies: theta is in degrees"),
         ((1.0, DEGREES), 0.0, r"^theta moves 0\.017\d times .*: theta_dot is in degrees"),
         (
             (DEGREES, DEGREES),
             0.0,
-            r"^theta and theta_dot seem to be in degrees: read so, the simulator explains",
+            r"^theta and theta_dot seem to be in degrees: with that, the simulator explains",
         ),
-        ((1.0, 1.0), math.pi, r"^theta seems to be counted from 180 degrees away: read so"),
-        ((1.0, 1.0), -math.pi, r"^theta seems to be counted from 180 degrees away: read so"),
+        ((1.0, 1.0), math.pi, r"^theta seems to have an offset of 180 degrees: with that"),
+        ((1.0, 1.0), -math.pi, r"^theta seems to have an offset of 180 degrees: with that"),
     ],
 )
 def test_an_angle_that_is_not_what_it_says_is_asked_for_first(factors, shift, said):

@@ -199,12 +199,12 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         (lambda meta: meta.update(integrator="magic"), "magic"),
         (
             lambda meta: meta.update(parameters={"weight": 1.0}),
-            "take it out of `parameters:` in recording.yaml",
+            "remove it from `parameters:` in recording.yaml",
         ),
         (lambda meta: meta.update(action={"push": "N"}), "push"),
         (
             lambda meta: meta.update(noise={"q": -0.1}),
-            "noise.q: a standard deviation is no less than 0, got -0.1",
+            "noise.q: a standard deviation must be at least 0, got -0.1",
         ),
         (
             lambda meta: meta.update(held_out={"episodes_from": 1.5}),
@@ -212,7 +212,7 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         ),
         (
             lambda meta: meta.update(held_out={"episodes_from": 1, "time_from": 2.0}),
-            "held_out: episodes_from, time_from or share, not two of them",
+            "held_out: use only one of episodes_from, time_from and share",
         ),
     ],
 )
@@ -236,7 +236,7 @@ def test_a_mismatch_is_one_line(folder, tmp_path, change, message):
         ("very short", "too short to judge: 2 transitions, 12 at the least; record more"),
         (
             "numbered rows",
-            "530 episodes have one row: the column `episode` names episodes, it does not count rows",
+            "530 episodes have one row: the column `episode` must name episodes, not count rows",
         ),
         ("constant", "nothing moves: q, q_dot never change from episode 0 to episode 4"),
         ("nan", "recording.csv: episode 0, row 6, channel q: nan is not finite"),
@@ -290,7 +290,7 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
     [
         (
             "simulator=slider",
-            "beside a RECORDING give --simulator NAME; parameters, integrator and dt are those of",
+            "beside a RECORDING give --simulator NAME; parameters, integrator and dt come from",
         ),
         ("simulator.parameters.mass=0.5", "beside a RECORDING give --simulator NAME; parameters"),
         ("simulator.integrator=rk4", "beside a RECORDING give --simulator NAME; parameters"),
@@ -298,9 +298,9 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
         ("recording=elsewhere", "beside a RECORDING give the RECORDING alone"),
         (
             "collect.episodes=3",
-            "not used beside a RECORDING; settings that count there: seed, diagnose.episodes",
+            "not used with a RECORDING; valid settings: seed, diagnose.episodes",
         ),
-        ("~target", "not used beside a RECORDING; settings that count there"),
+        ("~target", "not used with a RECORDING; valid settings"),
     ],
 )
 def test_a_setting_that_would_be_ignored_is_refused(folder, tmp_path, word, message):

@@ -46,7 +46,7 @@ def test_it_says_when_and_where():
 
 @pytest.mark.parametrize(
     ("finely", "said"),
-    [(0.36, "integrated finely, 0.36 of q_acc's 3.4 m is left"), (3.0, None), (None, None)],
+    [(0.36, "with a fine step, 0.36 of q_acc's 3.4 m is left"), (3.0, None), (None, None)],
 )
 def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(finely, said):
     nothing = made_diagnosis()

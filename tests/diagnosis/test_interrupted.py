@@ -109,7 +109,7 @@ def test_asked_to_end_it_says_a_line_and_leaves_nothing(folder, tmp_path, whom):
     assert process.returncode == 143
     assert (said, complained) == (
         "",
-        "interrupted: finished artifacts are whole, run the same command to carry on\n",
+        "interrupted: finished artifacts are complete; run the same command to continue\n",
     )
     assert not list(out.parent.iterdir())
     while of_session(process.pid) and time.monotonic() < deadline:

@@ -34,7 +34,7 @@ def test_nothing_is_said_of_a_true_planar_arm(tmp_path, seed):
     made = told(tmp_path, arm(PLANAR), arm(PLANAR), Capture(seed=seed, lost=0.1, leaping=0.02))
     assert not made.told.found
     assert made.moved == ()
-    assert geometry_lines(made.told)[0].startswith("zeros and lengths are as the model says")
+    assert geometry_lines(made.told)[0].startswith("zeros and lengths agree with the model")
 
 
 def test_nothing_is_said_of_a_true_arm_of_six_in_errors_that_last(tmp_path):
@@ -66,7 +66,7 @@ def test_zero_length_tilt_and_delay_of_an_arm_of_six(tmp_path):
     holds(laboratory["delay", "", ""], 0.02)
     assert ("frame turn", "", "z") not in laboratory
     assert made.told.error["tool"].after < 1.2 * made.told.error["tool"].noise
-    assert found_text(laboratory["delay", "", ""]).startswith("the delay of the motion capture is 0.020")
+    assert found_text(laboratory["delay", "", ""]).startswith("the delay of motion capture is 0.020")
 
 
 def test_a_frame_that_lies_anywhere(tmp_path):

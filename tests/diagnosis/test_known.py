@@ -70,7 +70,7 @@ def test_families_are_asked_alone_or_left_out():
     [
         ({"fix": {"mas": 1.0}}, "diagnose.known.fix: no parameter of slider 'mas' (did you mean 'mass'?); there are: mass"),
         ({"fix": {"mass": -1.0}}, "mass=-1 kg: expected more than 0"),
-        ({"bounds": {"mass": (3.0, 4.0)}}, "diagnose.known.bounds.mass: [3, 4] does not hold what the simulator believes, 2 kg"),
+        ({"bounds": {"mass": (3.0, 4.0)}}, "diagnose.known.bounds.mass: [3, 4] does not contain the value of the simulator, 2 kg"),
         ({"bounds": {"friction": (3.0, 4.0)}}, "'friction' is neither a parameter of slider (mass) nor family.place.parameter"),
         ({"bounds": {"spring.q.stifness": (3.0, 4.0)}}, "no parameter of spring 'stifness' (did you mean 'stiffness'?)"),
         ({"only": ("coulomb",)}, "diagnose.families.only: no family 'coulomb'"),

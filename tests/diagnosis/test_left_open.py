@@ -73,7 +73,7 @@ def test_drawn_simulators_are_the_explanations_with_their_intervals():
             "singular, the recording does not determine damping",
         ),
         (lambda e: e["covariance"][0].__setitem__(1, "nan"), "correlations are not finite"),
-        (lambda e: e.pop("terms"), "not a posterior that this version reads"),
+        (lambda e: e.pop("terms"), "not a posterior that this version can read"),
         (lambda e: e.update(probability=-0.6), "no explanation has a probability"),
     ],
 )

@@ -118,7 +118,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert compared.corrected is None
     assert compared.why_no_gp == NoGp("not fitted")
     assert compared.mishaps == (
-        "no Gaussian process beside the base simulator, its errors are the base's: ZeroDivisionError: of all things",
+        "no Gaussian process with the base simulator: ZeroDivisionError: of all things",
     )
     for errors in compared.one_step.values():
         assert errors.gp == errors.before

@@ -39,7 +39,7 @@ def test_a_file_is_held_to_what_it_says_of_each_recording():
         diagnosis = replace(named(), effects=(effect,), alternatives=())
         return contradictions(json.loads(json.dumps(diagnosis.to_dict())))
 
-    assert any("size of coulomb_friction on x is not known" in line for line in found())
+    assert any("size of coulomb_friction on x is unknown" in line for line in found())
     assert found(own={"friday": {"force": known}}) == []
     held = replace(known, at_bound=True)
     assert any("stopped at its bound" in line for line in found(own={"friday": {"force": held}}))

@@ -97,7 +97,7 @@ def test_the_command_scores_a_finished_diagnosis(tmp_path: Path):
     assert "already there" in run(app, asked).output
     alone = run(app, asked[:3])
     assert isinstance(alone.exception, UsageError)
-    assert "needs the RECORDING" in str(alone.exception)
+    assert "needs a RECORDING" in str(alone.exception)
 
 
 def test_what_was_never_commanded_can_be_scored(tmp_path: Path):

@@ -43,7 +43,7 @@ def test_settings_are_changed_one_by_one():
         ({"windows": {"length": 0}}, "diagnose.windows.length: expected at least 1, got 0"),
         ({"laws": {"share": 1.5}}, "diagnose.laws: share is a share of at most 1, got 1.5"),
         ({"laws": 3}, "diagnose.laws: expected settings"),
-        ({"acceptance": {"per_term": 6}}, "diagnose.acceptance: went with the old search"),
+        ({"acceptance": {"per_term": 6}}, "diagnose.acceptance: was removed"),
     ],
 )  # fmt: skip
 def test_what_is_no_setting_is_refused_with_the_nearest(values, said):

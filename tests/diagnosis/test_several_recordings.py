@@ -125,7 +125,7 @@ def test_alike_recordings_share_all(days):
     assert [e.family for e in found.effects] == ["coulomb_friction"]
     assert found.effects[0].own is None
     assert [one.name for one in found.result.recordings] == ["1", "2"]
-    assert account_of(found.result).differs[0].startswith("nothing that was looked for")
+    assert account_of(found.result).differs[0].startswith("no differences found")
 
 
 def test_by_how_much_it_grew_is_told_where_that_is_known(found):

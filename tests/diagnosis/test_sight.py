@@ -111,9 +111,7 @@ def test_a_held_cart_is_a_mount_for_its_pole():
     assert question.whole.state.names == recording.state.names
     assert not {c.place.on for c in offers_of(question)} & {"x", "x_dot"}
     said = not_asked_lines(not_asked(question))
-    assert said[0].startswith(
-        "x never changes (0.2 m): it is taken as held still from outside; not asked: coulomb"
-    )
+    assert said[0].startswith("x never changes (0.2 m): it is taken as held by a mount; not asked: coulomb")
 
 
 def test_a_dead_sensor_and_a_recording_in_which_nothing_moves_are_refused():
@@ -191,7 +189,7 @@ def test_a_robot_of_which_only_the_yaw_is_known_is_diagnosed():
     assert found.plant.state.names == ("x", "y", "yaw")
     said = not_asked_lines(found.diagnosis.not_asked)
     assert len(said) == 2
-    assert said[0].startswith("x was not measured, and nothing that was depends on it: it is left out")
+    assert said[0].startswith("x was not measured, and no measured channel depends on it: it is left out")
 
 
 @pytest.mark.slow

@@ -91,7 +91,7 @@ def test_the_command_diagnoses_it_when_nobody_measures_the_upper_tank(tmp_path):
         app, ["diagnose", str(tmp_path / "log"), "--simulator", REFERENCE, "--out", str(out), FEW]
     )
     assert result.exit_code == 0, result.output
-    assert "Not measured and estimated by each model: upper" in " ".join(result.output.split())
+    assert "Not measured, but estimated by each model: upper" in " ".join(result.output.split())
     plant, rng = read_corrected(out, gp=True), np.random.default_rng(0)
     state = plant.step(np.full((3, 2), 4.0), np.full((3, 1), 2.0), plant.begin(3, rng), rng)
     assert state.shape == (3, 2)
@@ -121,7 +121,7 @@ def test_what_a_hidden_state_does_to_the_report(blind):
         for effects in [report.effects, *(a.effects for a in report.alternatives)]
         for e in effects
     )
-    assert "Not measured and estimated by each model: upper" in where(report)
+    assert "Not measured, but estimated by each model: upper" in where(report)
 
 
 def test_the_windows_say_what_the_hidden_state_was(blind):
@@ -180,7 +180,7 @@ def test_a_root_of_a_noisy_level_is_refused_with_its_row(tmp_path):
     assert isinstance(result.exception, UsageError)
     said = str(result.exception)
     assert "level_rate is not finite (nan)" in said
-    assert "episode second, row 123 has been (level=-0.01, pump=" in said
+    assert "episode second, row 123 of the recording (level=-0.01, pump=" in said
     assert "np.sqrt(np.maximum(level, 0.0))" in said
     assert "tank.py" in said
     assert "\n" not in said

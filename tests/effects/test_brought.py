@@ -131,20 +131,20 @@ GOOD = {
         ({"parameters": '{"weight": ("N/m", 0.0, 50.0, 80.0)}'}, "finite numbers low <= start <= high"),
         (
             {"parameters": '{"weight": ("N/m", 1.0, 50.0, 2.0)}'},
-            "does nothing at 0, which is not between 1 and 50",
+            "has no effect at 0, which is not between 1 and 50",
         ),
         ({"law": "None"}, "it needs a method law(self, q, speed, weight)"),
         ({"law": "lambda self, q, weight: q"}, "law must take (q, speed, weight), got (q, weight)"),
         (
             {"law": "lambda self, q, speed, weight: q[:1]"},
-            "law must return 33 numbers, one a row of the batch",
+            "law must return 33 numbers, one per row of the batch",
         ),
         ({"law": "lambda self, q, speed, weight: q * 1j"}, "law is complex"),
         ({"law": "lambda self, q, speed, weight: 1 / 0"}, "law raised ZeroDivisionError"),
         ({"law": "lambda self, q, speed, weight: q.sort()"}, "law raised ValueError"),
-        ({"memory": '("level",)'}, "'memory' is an actuator's"),
-        ({"family": '"spring"'}, "the catalogue has a family 'spring'"),
-        ({"family": '"My Spring"'}, "'family' must be a name of small letters"),
+        ({"memory": '("level",)'}, "only actuators have 'memory'"),
+        ({"family": '"spring"'}, "the catalogue already has a family 'spring'"),
+        ({"family": '"My Spring"'}, "'family' must consist of lower-case letters"),
     ],
 )
 def test_a_wrong_class_is_one_line_with_what_is_at_fault(file, change, fault):
@@ -214,7 +214,7 @@ def test_a_file_that_has_changed_since_is_another_effect(file, tmp_path):
     assert list(kept) == ["cable"]
     (tmp_path / "my_effects.py").write_text(CABLE.replace("-weight", "-2.0 * weight"))
     consent_to(path)
-    with pytest.raises(UsageError, match="has changed since"):
+    with pytest.raises(UsageError, match="is from an earlier version of"):
         again(kept, "DIR")
 
 

@@ -256,7 +256,7 @@ def test_a_family_says_what_its_law_is_a_function_of():
         def parameters(self, place, variant=""):
             return ()
 
-    with pytest.raises(ValueError, match=r"'silent' does not say what its law is a function_of"):
+    with pytest.raises(ValueError, match=r"'silent' does not define function_of for its law"):
         register([Silent()])
 
 

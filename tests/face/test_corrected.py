@@ -82,7 +82,7 @@ def test_effects_remember_along_an_episode():
         (lambda s: s.step([0.0], [0.0]), "state: expected shape (2,) or (B, 2), got (1,); its columns are (q [m], q_dot"),
         (lambda s: s.step([0.0, 0.0], [0.0, 1.0]), "action: expected shape (1,) or (B, 1), got (2,)"),
         (lambda s: s.step([[0.0, 0.0]] * 3, [[0.0], [1.0]]), "action: expected shape (3, 1), got (2, 1)"),
-        (lambda s: s.step([0.0, np.nan], [0.0]), "state: holds a number that is not finite"),
+        (lambda s: s.step([0.0, np.nan], [0.0]), "state: contains a number that is not finite"),
         (lambda s: s.step("here", [0.0]), "state: expected numbers, got here"),
         (lambda s: s.rollout([0.0, 0.0], [0.0, 1.0]), "actions: expected shape (T, 1) or (1, T, 1), got (2,)"),
         (lambda s: s.batch(np.zeros((2, 3))), "states: expected shape (2,) or (B, 2), got (2, 3)"),

@@ -92,7 +92,7 @@ def test_a_batch_asks_for_numbers_or_for_arrays(made):
 def test_a_diagnosis_from_disk_needs_to_be_told_where_to_begin(here):
     with pytest.raises(UsageError, match=r'say what the policy may do: actions=\{"force": \(low, high\)\}'):
         gpsim.make_env("found", reward=centre)
-    with pytest.raises(UsageError, match="say where episodes begin: starts="):
+    with pytest.raises(UsageError, match="give the start states: starts="):
         gpsim.make_env("found", reward=centre, actions={"force": (-1, 1)})
     told = gpsim.Diagnosis.load("found", recording="slider.csv")
     for env in (
@@ -123,8 +123,8 @@ def test_a_state_that_nobody_measured_is_guessed(made, log):
         ({"task": "juggle"}, "task: 'juggle' is not one of balance, goal"),
         ({"task": "balance"}, "the task is of another system: its state is (x [m], x_dot [m/s], theta [rad]"),
         ({"task": Balance()}, "the task is of another system"),
-        ({"task": "balance", "reward": centre}, "reward: of a task of your own, not beside task='balance'"),
-        ({"task": Balance(), "force": 3.0}, "settings go with a task by name"),
+        ({"task": "balance", "reward": centre}, "reward: for your own task, not with task='balance'"),
+        ({"task": Balance(), "force": 3.0}, "settings need a task name"),
         ({"task": "balance", "weight": 3.0}, "task: no setting 'weight'"),
         ({"reward": centre, "weight": 3.0}, "no argument 'weight'"),
         ({"reward": 1.0}, "reward: expected a function, got float"),

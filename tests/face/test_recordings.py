@@ -77,7 +77,7 @@ def test_what_is_known_beside_the_columns_is_kept(log):
         ({}, {"dt": -1.0}, "dt: expected seconds, more than 0"),
         ({}, {"held_out": 1.5}, "held_out: expected a share in [0, 1), got 1.5"),
         ({}, {"noise": {"speed": 1.0}}, "noise: 'speed' is not one of q, q_dot, force"),
-        ({}, {"noise": {"q": -1.0}}, "a standard deviation is at least 0, got -1"),
+        ({}, {"noise": {"q": -1.0}}, "a standard deviation must be at least 0, got -1"),
         ({}, {"wraps": "angle"}, "wraps: 'angle' is not one of q, q_dot"),
         ({}, {"integrator": "midpoint"}, "integrator: 'midpoint' is not one of euler"),
         ({}, {"velocities": "guessed"}, "velocities: 'guessed' is not one of measured"),
@@ -100,7 +100,7 @@ def test_values_and_times_that_cannot_be_are_named_with_their_row(log):
     anyhow = log.assign(t=np.cumsum(rng.exponential(0.02, len(log))))
     assert "its time has no usual step: " in refused(from_frame, anyhow)
     assert "t looks like milliseconds" in refused(from_frame, log.assign(t=1000 * log.t))
-    assert "say so: dt=20" in refused(from_frame, log.assign(t=1000 * log.t))
+    assert "add dt=20" in refused(from_frame, log.assign(t=1000 * log.t))
     assert "no rows" in refused(from_frame, log.iloc[:0])
     assert "too short" in refused(from_frame, log.iloc[:1])
     assert "expected a pandas DataFrame, got dict" in refused(from_frame, {"q": [1.0]})
@@ -111,7 +111,7 @@ def test_a_folder_and_a_bare_table(made, here):
     write_recording(made.recording, here / "kept")
     read = gpsim.read_recording(here / "kept")
     np.testing.assert_array_equal(read.episodes[0].states, made.recording.episodes[0].states)
-    assert "a bare table needs a simulator" in refused(gpsim.read_recording, "slider.csv")
+    assert "a plain table needs a simulator" in refused(gpsim.read_recording, "slider.csv")
     assert "no such recording" in refused(gpsim.read_recording, "nothing.csv")
     (here / "run.bag").write_bytes(b"#ROSBAG")
     assert "a raw log needs a mapping=" in refused(gpsim.read_recording, "run.bag")

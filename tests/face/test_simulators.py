@@ -97,12 +97,12 @@ PLAIN = {"state": {"level": "m"}, "action": {"pump": "V"}}
         ("slidder", {}, "unknown simulator 'slidder' (did you mean 'slider'?); registered are: cartpole"),
         ("nothing.py:Tank", {}, "no file nothing.py"),
         ("slider", {"state": {"q": "m"}}, "state go with a function, not with slider"),
-        (Cart, {"state": {"q": "m"}}, "for a function only; Cart() says this itself"),
+        (Cart, {"state": {"q": "m"}}, "only for a function; Cart() already has these"),
         (3, {}, "expected a name, FILE.py:ClassName, a class with `rates`, or a function"),
         (cart, {}, "cart() needs state and action"),
         (lambda s, a: {}, PLAIN, "must take (state, action, parameters), it takes 2"),
         (lambda s, a, p, f: {}, PLAIN, "forces need coordinates={position: velocity}"),
-        (lambda s, a, p: {"level": np.zeros((3, 2))}, PLAIN, "rates['level'] must be 3 numbers, one a row"),
+        (lambda s, a, p: {"level": np.zeros((3, 2))}, PLAIN, "rates['level'] must be 3 numbers, one per row"),
         (lambda s, a, p: {"depth": s["level"]}, PLAIN, "rates must return a dictionary with level, got depth"),
         (lambda s, a, p: s["level"], PLAIN, "rates must return a dictionary with level, got ndarray"),
         (lambda s, a, p: {"level": 1 / 0}, PLAIN, "rates raised ZeroDivisionError: division by zero"),
@@ -121,9 +121,9 @@ def test_what_is_refused_in_one_line(given, named, said):
 def test_a_simulator_that_lives_here_diagnoses_on_one_core_and_is_given_beside_its_recording(log):
     simulator = gpsim.load_simulator(cart, **SLIDER)
     recording = gpsim.recording_from_frame(log, {"q": "m", "q_dot": "m/s", "force": "N"}, simulator)
-    with pytest.raises(UsageError, match=r"cart\(\) lives in this process alone; use cores=1"):
+    with pytest.raises(UsageError, match=r"cart\(\) exists in this process only; use cores=1"):
         gpsim.diagnose(recording, simulator, cores=2)
-    with pytest.raises(UsageError, match=r"the recording is of cart\(\), which no file holds"):
+    with pytest.raises(UsageError, match=r"the recording is for cart\(\), which is not in a file"):
         gpsim.diagnose(recording)
 
 

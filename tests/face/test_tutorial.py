@@ -40,7 +40,7 @@ def test_every_block_runs(capsys):
     assert "Verdict  named: viscous friction on q explains >99.9 % of the mismatch" in said
     quoted = re.search(r"viscous friction on q  .* yes", PAGE)[0]
     assert quoted in said
-    assert "units: force is in kN, slider's in N: convert the column, and say so" in said
+    assert "units: force is in kN, slider's in N: convert the column and its unit" in said
     assert left["own"].system == "cart()"
     assert left["path"].shape == (51, 2)
     assert Path("found/report.html").is_file()

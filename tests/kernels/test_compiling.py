@@ -38,7 +38,7 @@ def test_where_the_package_may_not_be_written_to_it_is_kept_in_the_users_cache(
 
 def closed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The package may not be written to."""
-    (tmp_path / "__pycache__").write_text("a file, no folder")
+    (tmp_path / "__pycache__").write_text("a file, not a folder")
     monkeypatch.setattr(compiling, "ROOM", tmp_path)
 
 
@@ -47,7 +47,7 @@ def temporary(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A temporary folder of all users', the only place that may be written to."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     closed(monkeypatch, tmp_path)
-    (tmp_path / "cache").write_text("a file, no folder")
+    (tmp_path / "cache").write_text("a file, not a folder")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     made = tmp_path / "tmp"
     made.mkdir()
@@ -82,7 +82,7 @@ def test_what_others_can_write_to_is_not_run(
         uid = os.getuid()
         monkeypatch.setattr(os, "getuid", lambda: uid + 1)
         taken.rename(temporary / f"gpsim-{uid + 1}")
-    with pytest.warns(UserWarning, match=r"kept nowhere.*NUMBA_CACHE_DIR"):
+    with pytest.warns(UserWarning, match=r"cannot be stored.*NUMBA_CACHE_DIR"):
         assert compiling.folder() is None
     assert compiling.folder() is None  # said once: a second warning would be an error
 
@@ -91,7 +91,7 @@ def test_what_is_kept_nowhere_is_compiled_all_the_same(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     temporary.chmod(0o777)
-    with pytest.warns(UserWarning, match="kept nowhere"):
+    with pytest.warns(UserWarning, match="cannot be stored"):
         twice = compiling.entry("float64(float64)")(lambda x: 2.0 * x)
     assert twice(3.0) == 6.0
     assert not list(temporary.iterdir())

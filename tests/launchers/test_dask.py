@@ -103,7 +103,7 @@ def test_a_folder_that_workers_do_not_see_is_refused():
     from gpsim.trust import lent
 
     report = carry_out(Errand("t", partial(doubled, 1), "/nowhere/at/all", "no-such-mark", 0.0, lent()))
-    assert "workers need a file system that all share" in report.refusal
+    assert "workers need a shared file system" in report.refusal
 
 
 def listening(process):

@@ -197,7 +197,7 @@ def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     assert err == "error: deployed_goal: expected [x, y] in metres, got 3\n"
     code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=[3,0]")
     assert (code, err.count("\n")) == (2, 1)
-    assert err.startswith("error: deployed_goal: [3, 0] lies outside the floor")
+    assert err.startswith("error: deployed_goal: [3, 0] is outside the floor")
     code, out, _ = run(monkeypatch, capsys, *words, "task.max_steps=3")
     assert code == 0
     assert out.count("not reached (out of time)") == 3
@@ -225,4 +225,4 @@ def test_settings_of_a_monitor_that_nobody_asked_for_are_refused(tmp_path, monke
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert "are of --monitor" in capsys.readouterr().err
+    assert "belong to --monitor" in capsys.readouterr().err

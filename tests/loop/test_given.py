@@ -120,7 +120,7 @@ def test_the_report_lists_what_was_used(drive, diagnosis):
     requests = {seed: given.having(seed=seed) for seed in (0, 1)}
     ((seed, (said,)),) = report.told_by_diagnoses(requests).items()
     assert seed == 0
-    assert said.startswith("none: nothing is missing")
+    assert said.startswith("none: the recording shows no missing physics")
 
 
 @pytest.mark.usefixtures("stand_in")
@@ -134,7 +134,7 @@ def test_a_stand_in_that_was_not_recorded_is_said_to_be_measured(drive, tmp_path
     assert measured_on(asked()) is None
     for words in ([f"recording={drive}"], ["collect.source=my.bag"]):
         assert "target=recording" in str(measured_on(asked(*words)))
-        assert str(measured_on(asked(*words))).startswith("the stand-in limo, not on what was recorded")
+        assert str(measured_on(asked(*words))).startswith("the simulated target limo, not on the recording")
         assert measured_on(asked(*words, "target=recording")) is None
     bare = tmp_path / "bare"
     bare.mkdir()

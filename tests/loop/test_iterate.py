@@ -76,7 +76,7 @@ def test_a_round_that_gains_nothing_is_the_last_and_is_not_adopted(tmp_path, gai
     gaining(10.0, -5.0)
     made, said = run(request(tmp_path))
     found = json.loads((made.path / iterate.SUMMARY).read_text())
-    assert found["stopped"].startswith("round 1 gained -5, which is no more than its standard error")
+    assert found["stopped"].startswith("round 1 gained -5, which does not exceed its standard error")
     assert [r["adopted"] for r in found["rounds"]] == [True, False]
     assert found["best"] == 0
     assert "train-source" in found["policy"]
@@ -107,7 +107,7 @@ def test_a_sweep_comes_before_the_first_drive_and_stays_below_all(tmp_path, gain
         ("rounds=0", "rounds: expected a whole number of at least 1"),
         ("target=recording", "run iterate: target=recording cannot be driven"),
         ("recording=somewhere", "run iterate: every round makes its own recording"),
-        ("robustness=posterior", "run iterate: with robustness=posterior say correction=effects"),
+        ("robustness=posterior", "run iterate: with robustness=posterior, use correction=effects"),
     ],
 )
 def test_what_cannot_be_iterated_is_one_line(tmp_path, word, said):

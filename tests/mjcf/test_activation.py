@@ -123,7 +123,7 @@ def test_without_effects_the_exported_model_alone_is_the_robot(tmp_path):
     ],
 )
 def test_what_no_command_tells_is_refused_in_one_line(tmp_path, actuator):
-    with pytest.raises(UsageError, match="m has an activation that no command before it tells"):
+    with pytest.raises(UsageError, match="m has an activation that the commands do not determine"):
         load_mjcf(written(tmp_path, _text(actuator)))
 
 

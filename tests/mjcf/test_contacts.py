@@ -49,7 +49,7 @@ def test_what_touches_is_left_out_where_others_are_left(struck):
 def test_the_report_says_how_many_samples_touch(struck):
     (fact,) = contacts(struck, recording_of(struck, np.array([0.0, 1.55, 1.57, 0.2])))
     assert log_fact_text(fact) == (
-        "in 2 samples something touches: accelerations are not compared there, rollouts are"
+        "2 samples have contact: accelerations are not compared there, but rollouts are"
     )
     assert contacts(struck, recording_of(struck, np.linspace(-0.5, 0.5, 9))) == ()
 

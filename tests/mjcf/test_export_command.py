@@ -64,7 +64,7 @@ def test_it_says_where_each_effect_went(tmp_path, monkeypatch, capfd):
     assert [e["where"] for e in content["effects"]] == ["attribute", "wrapper"]
     assert "Coulomb friction on elbow: force 0.05 N m (0.049 to 0.0512) -> joint elbow: frictionloss" in err
     assert "actuator dead zone on m1: width 0.3 N m -> wrapper (MJCF has no attribute for it)" in err
-    assert "drive it by Robot of robot_corrected.py" in err
+    assert "run it with Robot from robot_corrected.py" in err
     made = json.loads((tmp_path / "patch.json").read_text())
     assert made["verdict"] == "named"
     assert (
@@ -76,7 +76,7 @@ def test_it_says_where_each_effect_went(tmp_path, monkeypatch, capfd):
 def test_equations_have_no_model_and_one_line_says_what_to_do_instead(tmp_path):
     diagnosed(tmp_path, "slider", (Term("viscous_friction", "q", {"damping": 1.0}),), dt=0.02)
     with pytest.raises(
-        UsageError, match=r"no MuJoCo model, so there is no XML.*\.corrected\(\).*train-gp-policy"
+        UsageError, match=r"a system of equations, so there is no XML.*\.corrected\(\).*train-gp-policy"
     ):
         export_corrected_model(tmp_path / "found", tmp_path / "robot_corrected.xml")
     assert not (tmp_path / "robot_corrected.xml").exists()
@@ -84,14 +84,14 @@ def test_equations_have_no_model_and_one_line_says_what_to_do_instead(tmp_path):
 
 def test_a_diagnosis_is_never_changed(tmp_path):
     diagnosed(tmp_path, written(tmp_path, DOUBLE))
-    with pytest.raises(UsageError, match="lies in the diagnosis"):
+    with pytest.raises(UsageError, match="is inside the diagnosis"):
         export_corrected_model(tmp_path / "found", tmp_path / "found" / "robot_corrected.xml")
 
 
 def test_a_diagnosis_that_named_nothing_gives_the_model_itself(tmp_path):
     diagnosed(tmp_path, written(tmp_path, DOUBLE))
     made, notes = export_corrected_model(tmp_path / "found", tmp_path / "robot_corrected.xml")
-    assert "no effect stands: the model is the base" in notes
+    assert "no effect was found: the model is the base" in notes
     assert made.effects == []
 
 

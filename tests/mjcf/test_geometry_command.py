@@ -59,7 +59,7 @@ def test_a_log_with_a_site_says_what_of_the_geometry_is_off(tmp_path, monkeypatc
     assert Diagnosis.from_dict(content).to_dict() == content
     page = (tmp_path / "found/report.html").read_text(encoding="utf-8")
     assert "<h2>Geometry</h2>" in page
-    assert "the delay of the motion capture" in page
+    assert "the delay of motion capture" in page
     (moved,) = read_corrected(tmp_path / "found").simulator.geometry
     assert moved.value == robots[0]["size"]["value"]
     assert called(monkeypatch, capfd, "export", "model", "found", "--out", "fixed.xml")[0] == 0

@@ -115,7 +115,7 @@ def test_make_env_trains_anywhere_one_by_one_and_as_a_batch():
         (lambda: gpsim.make_env(CorrectedSimulator(plant_of()), task="gym:Hopper-v5"), "of another system"),
         (
             lambda: gpsim.make_env(CorrectedSimulator(plant_of()), task="gym:CartPole-v1"),
-            "not built on MuJoCo",
+            "not based on MuJoCo",
         ),
         (lambda: gpsim.make_env(CorrectedSimulator(plant_of()), task="gym:Nothing-v5"), "cannot make it"),
         (

@@ -55,7 +55,7 @@ def test_a_policy_trains_on_the_corrected_accelerations(begun):
     [
         (["simulator.dt=0.02"], "takes control steps of 0.05 s"),
         (["task.name=gym:Hopper-v5"], "does not go with simulator"),
-        (["task.name=gym:CartPole-v1"], "not built on MuJoCo"),
+        (["task.name=gym:CartPole-v1"], "not based on MuJoCo"),
         (["target.mass={knee: 2.0}"], "the model has no knee"),
         (["target.finer=0"], "finer must be at least 1"),
     ],

@@ -69,7 +69,7 @@ def test_a_gymnasium_environment_gives_its_model_and_control_step():
     simulator = open_simulator("gym:InvertedDoublePendulum-v5")
     assert simulator.state.names[::2] == ("slider", "hinge", "hinge2")
     assert simulator.control_step == pytest.approx(0.05)
-    with pytest.raises(UsageError, match="CartPoleEnv is not built on MuJoCo; bring its robot as robot.xml"):
+    with pytest.raises(UsageError, match="CartPoleEnv is not based on MuJoCo; give its robot as robot.xml"):
         open_simulator("gym:CartPole-v1")
     with pytest.raises(UsageError, match="gymnasium cannot make it"):
         open_simulator("gym:Nowhere-v9")
@@ -123,7 +123,7 @@ def test_all_that_a_model_includes_is_hashed(tmp_path):
         ),
         (
             PENDULUM.replace("<motor name", '<muscle lengthrange="0 1" name'),
-            "has an activation that no command before it tells",
+            "has an activation that the commands do not determine",
         ),
         ("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", "it has no joint"),
     ],
@@ -175,7 +175,7 @@ def test_columns_may_stand_in_any_order(tmp_path):
          "no column for the actuator m2"),
         ({"state": {"elbow": "rad"}, "model": 3}, {"elbow": 1}, "model: expected the file of a MuJoCo model"),
         ({"state": {"elbow": "rad"}, "model": "other.xml"}, {"elbow": 1}, "no file other.xml"),
-        ({"state": {"elbow": "rad"}, "model": None}, {"elbow": 1}, "say which by --simulator robot.xml"),
+        ({"state": {"elbow": "rad"}, "model": None}, {"elbow": 1}, "name it with --simulator robot.xml"),
     ],
 )  # fmt: skip
 def test_recordings_that_are_refused(meta, columns, said, tmp_path, monkeypatch):
@@ -192,7 +192,7 @@ def test_an_episode_that_begins_inside_something_is_refused(tmp_path):
         "</body></worldbody>", '<geom size=".2" pos="0 0 -.8" mass="0"/></body></worldbody>'
     )
     written(tmp_path, inside)
-    with pytest.raises(UsageError, match=r"episode 0 begins with world and rod 0.* m inside each other"):
+    with pytest.raises(UsageError, match=r"episode 0 starts with world and rod overlapping by 0"):
         open_recording(Task(recorded(tmp_path, {"theta": 0.01, "torque": 1.0}, PENDULUM_META), None))
 
 
@@ -272,7 +272,7 @@ def test_an_orientation_goes_the_shorter_way_round(tmp_path):
 @pytest.mark.parametrize(
     ("quaternion", "leave_out", "said"),
     [
-        (lambda angle: (0.0, 0.0, 0.0, 0.2), (), "root.qw, root.qx, root.qy, root.qz are no quaternion"),
+        (lambda angle: (0.0, 0.0, 0.0, 0.2), (), "root.qw, root.qx, root.qy, root.qz are not a quaternion"),
         (lambda angle: (1.0, 0.0, 0.0, 0.0), ("x", "qz"), "no column for the joints root.x, root.qz"),
     ],
 )

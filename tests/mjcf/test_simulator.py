@@ -256,7 +256,7 @@ def test_a_copy_comes_from_the_same_files(double, tmp_path):
         np.testing.assert_array_equal(rolled(other, state, commands), rolled(one, state, commands))
     before = pickle.dumps(double)
     written(tmp_path, DOUBLE.replace('"0.05"', '"0.06"'))
-    with pytest.raises(Exception, match="changed while it was being diagnosed"):
+    with pytest.raises(Exception, match="changed during the diagnosis"):
         pickle.loads(before)
 
 

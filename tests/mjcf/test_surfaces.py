@@ -149,7 +149,7 @@ def test_only_what_touches_in_the_recording_is_asked(tmp_path):
     assert asked(up) == set()
     (entry,) = [e for e in not_asked(prepare(up, simulator, simulator.defaults())) if e.channel == "floor"]
     assert entry == NotAsked(because="nothing touches", channel="floor")
-    assert not_asked_lines([entry]) == ["nothing touches floor: its friction and stiffness are not asked"]
+    assert not_asked_lines([entry]) == ["nothing touches floor: its friction and stiffness are not tested"]
     found = not_asked(prepare(down, simulator, simulator.defaults()))
     assert not [e for e in found if e.because == "nothing touches"]
 

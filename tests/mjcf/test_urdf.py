@@ -104,7 +104,7 @@ def test_a_link_without_a_mass_weighs_next_to_nothing_and_is_nothing_to_correct(
     reference = written(tmp_path, robot("", INERTIAL), "r.urdf")
     simulator = load_mjcf(reference)
     (line,) = notes_of(reference)
-    assert "no mass" in line
+    assert "without mass" in line
     assert line.endswith("link0")
     assert "link1.mass" in simulator.parameters
     assert not any(name.startswith("link0.") for name in simulator.parameters)
@@ -127,7 +127,7 @@ def test_inertias_that_no_body_has_become_possible(inertia, tmp_path):
     a, b, c = sorted(load_mjcf(reference).body.base.body_inertia[1])
     assert a > 0.0
     assert c <= (a + b) * (1 + 1e-9)
-    assert notes_of(reference) == ("inertias that no body can have, made the nearest possible: link0",)
+    assert notes_of(reference) == ("impossible inertias, replaced by the nearest possible ones: link0",)
 
 
 @given(st.lists(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), min_size=4, max_size=8))
@@ -155,7 +155,7 @@ def test_links_inside_each_other_at_rest_never_touch(tmp_path):
     large = '<collision><geometry><sphere radius=".5"/></geometry></collision>'
     reference = written(tmp_path, robot(INERTIAL + large, INERTIAL + BOX, INERTIAL + large), "r.urdf")
     simulator = load_mjcf(reference)
-    assert notes_of(reference) == ("links inside each other at rest, which never touch: link0 and link2",)
+    assert notes_of(reference) == ("links that overlap at rest, whose contacts are off: link0 and link2",)
     deepest, _ = simulator.penetration(np.zeros((1, 6)))
     assert deepest[0] == 0.0
 

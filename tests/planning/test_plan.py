@@ -86,8 +86,8 @@ def test_what_does_not_come_back_is_played_anew_each_time():
     ("stated", "said"),
     [
         ({"commands": {"force": [1.0, 2.0]}}, "excludes the command at rest"),
-        ({"commands": {"force": [2.0, -2.0]}}, "leaves nothing to play"),
-        ({"box": {"q": [0.5, 2.0]}}, "does not hold the first state"),
+        ({"commands": {"force": [2.0, -2.0]}}, "leaves no possible command"),
+        ({"box": {"q": [0.5, 2.0]}}, "does not contain the first state"),
         ({"box": {"q": [1.0, -1.0]}}, "is empty"),
         ({"box": {"p": [-1.0, 1.0]}}, "no channel 'p'"),
         ({"box": {"q": 3.0}}, r"expected \[low, high\]"),

@@ -77,7 +77,7 @@ def test_a_plan_is_written_whole_and_found_again(found, monkeypatch, capfd):
     ("words", "said"),
     [
         (("plan.commands={force: [1, 2]}",), "excludes the command at rest"),
-        (("plan.box={q: [1, 2]}",), "does not hold the first state"),
+        (("plan.box={q: [1, 2]}",), "does not contain the first state"),
         (("plan.margin=2",), "margin must be in"),
         (("--minutes", "0"), "expected more than 0"),
         (("gp.n_train=3",), "not used here"),
@@ -217,4 +217,4 @@ def test_a_log_that_is_none_is_refused(found, tmp_path, monkeypatch, capfd):
     words = ("watch", "a.csv", "--diagnosis", found, "--once", "--log", tmp_path / "other.jsonl")
     code, _, error = called(monkeypatch, capfd, *words)
     assert code == 2
-    assert "line 1 is none of a watch" in error
+    assert "line 1 is not from gpsim watch" in error

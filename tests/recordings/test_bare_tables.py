@@ -98,7 +98,7 @@ def test_a_table_without_commands_is_read_and_imported(swing):
 
 @pytest.mark.parametrize("near", ["Torque", "torque_", "torqe"])
 def test_a_slip_of_the_pen_is_no_missing_command(swing, near):
-    with pytest.raises(UsageError, match=f"torque missing; '{near}' is like it"):
+    with pytest.raises(UsageError, match=f"torque missing; '{near}' is similar"):
         open_recording(Task(swing(**{near: np.zeros(50)}), "pendulum"))
     with pytest.raises(UsageError, match="column\\(s\\) torque missing for pendulum"):
         read_logs([swing(**{near: np.zeros(50)})], None, ["system=pendulum"])

@@ -49,7 +49,7 @@ def test_what_inspect_writes_of_a_table_imports_it(name, tmp_path):
     mine, out = tmp_path / "m.yaml", tmp_path / "out"
     shown = run("--inspect", tmp_path / name, "--write-mapping", mine)
     assert (shown.exit_code, shown.stdout) == (0, "")
-    assert "looks like one of unicycle" in shown.stderr
+    assert "looks like: unicycle" in shown.stderr
     for column, role in {
         "time_ms": "time [0.001 s]",
         "heading_deg": "state yaw [rad]",
@@ -98,10 +98,10 @@ def test_a_proposal_is_written_into_a_new_file_only(cartpole_log, tmp_path):
     assert "cannot write here" in refused(
         "--inspect", cartpole_log, "--write-mapping", cartpole_log / "m.yaml"
     )
-    assert "no such folder" in refused(
+    assert "its folder does not exist" in refused(
         "--inspect", cartpole_log, "--write-mapping", tmp_path / "no" / "m.yaml"
     )
-    assert "goes with --inspect" in refused(cartpole_log, "--write-mapping", tmp_path / "n.yaml")
+    assert "needs --inspect" in refused(cartpole_log, "--write-mapping", tmp_path / "n.yaml")
 
 
 def test_a_table_without_a_known_time_column_asks_for_it(tmp_path):
@@ -116,10 +116,10 @@ def test_mappings_that_fit_are_named(tmp_path):
     columns = ["time", "position", "positionD", "angle", "angleD", "Q"]
     pd.DataFrame([range(6), range(1, 7)], columns=columns).to_csv(tmp_path / "a.csv", index=False)
     shown = run("--inspect", tmp_path / "a.csv").stderr
-    assert "--mapping physical_cartpole comes with gpsim" in shown
+    assert "--mapping physical_cartpole is built in" in shown
     assert "simple_pendulum" not in shown
     pd.DataFrame([range(5)], columns=columns[:5]).to_csv(tmp_path / "b.csv", index=False)
-    assert "comes with gpsim" not in run("--inspect", tmp_path / "b.csv").stderr
+    assert "is built in" not in run("--inspect", tmp_path / "b.csv").stderr
 
 
 def test_of_a_folder_only_the_first_log_has_to_be_sound(cartpole_log, tmp_path):

@@ -73,7 +73,7 @@ def test_nothing_is_overwritten_and_nothing_half_written(cartpole_log, tmp_path,
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "no --mapping; `gpsim import --inspect` .*my_system.py:ClassName.*or say system=NAME"),
+        ([], "no --mapping; `gpsim import --inspect` .*my_system.py:ClassName.*or use system=NAME"),
         (["system=cartpol"], "no simulator 'cartpol'; there are: cartpole"),
         (["system=cartpole", "rat=3"], "did you mean 'rate'"),
         (["system=cartpole", "velocities.methd=savgol"], "did you mean 'method'"),

@@ -111,12 +111,12 @@ def test_header_or_receive_is_chosen_per_topic_and_said():
 )
 def test_mixed_clocks_that_move_against_each_other_are_told(late, figures):
     _, report = imported({"/pose": DRIVE.pose(T, receive=T + late), "/cmd": commands()}, UNICYCLE)
-    (line,) = [line for line in report.warnings if "move against each other" in line]
+    (line,) = [line for line in report.warnings if "drift apart" in line]
     assert re.search(f"/pose is received {figures} after its stamp", line)
     _, alone = imported(
         {"/pose": DRIVE.pose(T, receive=T + late), "/cmd": replace(commands(), header=COMMANDS)}, UNICYCLE
     )
-    assert not [line for line in alone.warnings if "move against each other" in line]
+    assert not [line for line in alone.warnings if "drift apart" in line]
 
 
 def lagging(delay):
@@ -175,7 +175,7 @@ def test_velocities_are_differentiated_and_edges_trimmed():
     assert "sigma = 2" in str(recording.provenance["mapping"]["velocities"])
     assert start == pytest.approx(0.09)  # nine samples at either end
     assert episode.states[:, 1] == pytest.approx(3 * np.cos(3 * (episode.t + start)), abs=1e-2)
-    assert adds_up(report)["table"].dropped["edge that the smoothing window cannot reach"] == 18
+    assert adds_up(report)["table"].dropped["at an edge without a full smoothing window"] == 18
     local, _ = imported({"table": table}, mapping, velocities={"edges": "local"})
     assert local.transition_count > recording.transition_count
 

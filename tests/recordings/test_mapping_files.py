@@ -58,7 +58,7 @@ def changed(path, value):
         (["system"], None, "system missing"),
         (["system"], "?", r"still '\?' at system; fill in"),
         (["state", "x", "unit"], "?", r"still '\?' at state\.x\.unit; fill in"),
-        (["action"], {"t": {"field": "a", "unit": "N"}}, "action: no channel can be called 't'"),
+        (["action"], {"t": {"field": "a", "unit": "N"}}, "action: a channel must not be called 't'"),
         (["action"], {"a\nb": {"field": "a", "unit": "N"}}, r"name 'a b' holds a line break .*\('\\n'\)"),
         (["action"], {"a" * 201: {"field": "a", "unit": "N"}}, "has 201 characters; the limit is 200"),
     ],
@@ -71,7 +71,7 @@ def test_wrong_mappings_end_in_one_line_with_the_alternatives(path, value, text)
 
 def test_a_rate_cannot_be_limited_where_no_row_holds_the_channel():
     raw = changed(["state", "v"], {"derivative_of": "x", "unit": "m/s"})
-    with pytest.raises(UsageError, match=r"checks\.max_rate\.v: v is made from x.*limit x"):
+    with pytest.raises(UsageError, match=r"checks\.max_rate\.v: v is computed from x.*limit x"):
         parse_mapping({**raw, "checks": {"max_rate": {"v": 3.0}}})
 
 
@@ -96,13 +96,13 @@ MULTIPLYING = "\n".join(
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("rate: 5\nstate: 1\nrate: 6", "line 3: key 'rate' is there already, in line 1"),
-        ("a: {b: 1, 'b': 2}", "line 1: key 'b' is there already"),
-        ("1: a\n'1': b", "line 2: key '1' is there already"),
-        ("a: &a [1, *a]", "line 1: an alias .* stands inside of what it repeats"),
-        ("a: &a {b: {c: *a}}", "inside of what it repeats"),
-        (MULTIPLYING, f"repeat more than {MOST_REPEATED} values"),
-        ("a: !!python/object/apply:os.getcwd []", "line 1: .*os.getcwd.* is no plain value"),
+        ("rate: 5\nstate: 1\nrate: 6", "line 3: duplicate key 'rate', already in line 1"),
+        ("a: {b: 1, 'b': 2}", "line 1: duplicate key 'b', already"),
+        ("1: a\n'1': b", "line 2: duplicate key '1'"),
+        ("a: &a [1, *a]", "line 1: an alias .* contains itself"),
+        ("a: &a {b: {c: *a}}", "contains itself"),
+        (MULTIPLYING, f"expand to more than {MOST_REPEATED} values"),
+        ("a: !!python/object/apply:os.getcwd []", "line 1: .*os.getcwd.* is not a plain value"),
         ("a: !!binary aGk=", "is no plain value"),
         ("a: !!set {b, c}", "is no plain value"),
         ("base: &b {c: 1}\nd: {<<: *b}", "line 2: the key << takes in another table"),

@@ -56,7 +56,7 @@ def test_of_explanations_that_cannot_be_told_apart_the_fleets_counts():
 def test_who_says_nothing_is_not_compared_and_is_counted():
     robots = fleet(robot("lost", verdict="unknown"), Robot("broken", None, "no such file"))
     assert deviations(robots) == []
-    assert "1 could not be diagnosed; of 1 nobody can say what is missing" in headline(robots, [])
+    assert "1 could not be diagnosed; no account was possible for 1" in headline(robots, [])
 
 
 def test_the_page_holds_every_account_and_lets_nothing_in():

@@ -37,8 +37,8 @@ SAID = {
     "stribeck_friction": "Stribeck friction on q (0.5 u at rest, 0.5 u sliding, falling over 0.5 u) was left out",
     "spring": "a spring on q of 0.5 u resting at 0.5 u was left out",
     "local_friction_patch": "a patch of q brakes with a friction of 0.5 u",
-    "parameter_offset": "q is 0.5 u times what the simulator believes",
-    "actuator_asymmetry": "q acts with 0.5 u times a positive command and 0.5 u times a negative one",
+    "parameter_offset": "q is 0.5 u times its value in the simulator",
+    "actuator_asymmetry": "q acts with 0.5 u times positive commands and 0.5 u times negative commands",
     "battery_sag": "q loses 0.5 u of its strength (battery sag)",
     "lateral_slip": "the vehicle slips sideways by 0.5 u times its lateral acceleration",
     "sensor_delay": "the sensor of q is 0.5 u late",
@@ -86,13 +86,13 @@ def advised(excitation, **parts):
     ("why", "said"),
     [
         (NoGp("no structure"), "it has no structure"),
-        (NoGp("explains nothing"), "it would explain nothing of training data that it had not seen"),
-        (NoGp("harms", "q", rollout=True, times=1.104), "it would make the error in q after a rollout 1.1 times as large on "
-         "training data that it had not seen"),
-        (NoGp("strays", "q", rollout=True, times=1.83, seconds=19.79), "it would make the error in q 1.8 times as large in "
+        (NoGp("explains nothing"), "it would explain nothing of unseen training data"),
+        (NoGp("harms", "q", rollout=True, times=1.104), "it would multiply the error in q after a rollout by 1.1 on "
+         "unseen training data"),
+        (NoGp("strays", "q", rollout=True, times=1.83, seconds=19.79), "it would multiply the error in q by 1.8 in "
          "free runs of 19.8 s"),
-        (NoGp("harms", "q_acc", times=math.inf), "it would make the error in q_acc one step ahead inf times as large on "
-         "training data that it had not seen"),
+        (NoGp("harms", "q_acc", times=math.inf), "it would multiply the error in q_acc one step ahead by inf on "
+         "unseen training data"),
     ],
 )  # fmt: skip
 def test_why_a_process_was_left_out_is_said(why, said):
@@ -159,7 +159,7 @@ def test_a_share_never_claims_all_or_nothing_by_rounding(share, said):
         (LogFact("jitter", "", 0, 0.4, "ms"), "the clock jitters by 0.4 ms"),
         (
             LogFact("pushed", "", 5, 2.0, "s"),
-            "something from outside acted from 2 s on (a push, a bump) and was left out, at 5 samples",
+            "an external push or bump acted from 2 s on and was left out, at 5 samples",
         ),
     ],
 )
@@ -178,7 +178,7 @@ def test_what_is_fixed_and_what_is_open_is_said():
     assert open_text(ratio) == "both may be scaled alike"
     product = together(1.0, 2.0, value=2.5, unit="N")
     assert fixed_text(product) == "cart_mass · force gain^2 = 2.5 N"
-    assert open_text(product) == "one may grow as the other shrinks"
+    assert open_text(product) == "one may grow while the other shrinks"
     assert fixed_text(together()) == "one combination of them"
     first, second = (replace(c, fixed=fixed_text(c), open=open_text(c)) for c in (ratio, product))
     assert combination_texts([first, second]) == [combination_text(first), combination_text(second)]
@@ -186,7 +186,7 @@ def test_what_is_fixed_and_what_is_open_is_said():
     assert said.startswith(
         "only cart_mass / force gain = 2.50 (2.40 to 2.60) and cart_mass / force gain = 2.50"
     )
-    assert said.endswith(" are fixed: these may all be scaled alike")
+    assert said.endswith(" are determined: all may be scaled together")
     assert alone == combination_text(second)
     own = Combination(of=("cart_mass", "force gain"), fixed="their ratio", open="both scaled alike")
     assert combination_text(own) == "of cart_mass and force gain only their ratio is fixed; both scaled alike"

@@ -199,7 +199,7 @@ def test_rm_asks_names_what_needs_it_and_can_only_look(said, tmp_path, monkeypat
     before = snapshot(tmp_path)
     code, _, err = said("runs", "rm", "collect/v1", "--yes")
     assert code == 2
-    assert "cartpole/collect/v0001: needed by cartpole/fit-gp/v0001; remove those first, or all of it" in err
+    assert "cartpole/collect/v0001: needed by cartpole/fit-gp/v0001; remove those first, or use" in err
     code, out, _ = said("runs", "rm", "collect/v1", "--with-dependents", "--dry-run")
     assert code == 0
     assert out.splitlines()[0].startswith("cartpole/fit-gp/v0001, ")

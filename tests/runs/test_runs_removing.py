@@ -151,9 +151,7 @@ def test_nothing_of_which_something_is_being_made_goes(root):
 
     def write(folder: Path) -> None:
         (folder / "a").touch()
-        with pytest.raises(
-            UsageError, match="cartpole/collect/v0001: something is being made of it right now"
-        ):
+        with pytest.raises(UsageError, match="cartpole/collect/v0001: a process is using it"):
             take_away(root, "collect/v1")
         dead = folder.with_name(".tmp-0123456789ab")
         dead.mkdir()
@@ -180,7 +178,7 @@ def test_what_was_made_of_it_after_it_was_planned_stops_a_removal(root):
     catalogue = read_catalogue(root)
     removal = removal_of(catalogue, list(catalogue.entries))
     made(root, "fit-gp", 1, {"recording": parent})
-    with pytest.raises(UsageError, match="cartpole/fit-gp/v0001: made of it meanwhile"):
+    with pytest.raises(UsageError, match="cartpole/fit-gp/v0001: now needed by others"):
         remove(catalogue, removal)
     assert len(names(root)) == 2
 
@@ -188,12 +186,10 @@ def test_what_was_made_of_it_after_it_was_planned_stops_a_removal(root):
 def test_nothing_is_made_of_what_went_meanwhile(root):
     parent = made(root, "collect", 1)
     take_away(root, "collect/v1")
-    with pytest.raises(
-        UsageError, match="collect/v0001: removed while something was to be made of it; run again"
-    ):
+    with pytest.raises(UsageError, match="collect/v0001: removed before it could be used; run again"):
         made(root, "fit-gp", 1, {"recording": parent})
     assert not whole_artifacts(root)
-    with pytest.raises(UsageError, match="removed while"), needed([parent.path]):
+    with pytest.raises(UsageError, match="removed before"), needed([parent.path]):
         pass
 
 
@@ -205,7 +201,7 @@ def test_removing_and_making_at_the_same_moment_leave_no_orphan(root):
             try:
                 made(root, "fit-gp", (n, parent.path.name, parent.digest), {"recording": parent})
             except UsageError as error:
-                assert "removed while" in str(error)
+                assert "removed before" in str(error)
 
         def gone(n, parent=parent):
             try:

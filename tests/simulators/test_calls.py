@@ -42,7 +42,7 @@ def test_what_does_not_return_is_a_line(function):
     with pytest.raises(NoAnswerError) as refused:
         asked(function, "rates", "mine.py:Tank")
     assert str(refused.value) == (
-        "mine.py:Tank: rates did not return within 0.2 s; fix it, or allow more time: GPSIM_LONGEST_CALL=600 (s)"
+        "mine.py:Tank: rates did not return within 0.2 s; correct it, or set GPSIM_LONGEST_CALL=600 (s)"
     )
 
 
@@ -94,7 +94,7 @@ def test_being_asked_to_end_is_no_fault_of_the_code(kind):
 
 
 def test_a_copy_that_comes_back_ends_and_is_told():
-    with pytest.raises(UsageError, match="made a copy of the process that came back"):
+    with pytest.raises(UsageError, match="returned in a copied process"):
         asked(lambda: os.fork() and os.wait(), "rates", "mine.py:Tank")
     assert asked(lambda: 3, "rates", "mine.py:Tank") == 3
 
@@ -102,5 +102,5 @@ def test_a_copy_that_comes_back_ends_and_is_told():
 @pytest.mark.parametrize("said", ["soon", "0", "-1", "nan", "inf"])
 def test_the_setting_is_a_number_of_seconds(monkeypatch, said):
     monkeypatch.setenv(SETTING, said)
-    with pytest.raises(UsageError, match=f"GPSIM_LONGEST_CALL={said}: expected seconds"):
+    with pytest.raises(UsageError, match=f"GPSIM_LONGEST_CALL={said}: expected the longest time"):
         asked(lambda: 3, "rates", "mine.py:Tank")

@@ -89,7 +89,7 @@ def test_a_mechanical_system_takes_forces(tmp_path):
         ("0.1, 0.0, 10.0", "5.0, 10.0, 0.0", "got default 5, low 10, high 0"),
         ("0.1, 0.0, 10.0", "0.1, float('nan'), 10.0", "got default 0.1, low nan, high 10"),
         ("0.1, 0.0, 10.0", "float('inf'), 0.0, float('inf')", "got default inf, low 0, high inf"),
-        ('{"pump": "V"}', '{"level": "V"}', "'level' is a state and an action"),
+        ('{"pump": "V"}', '{"level": "V"}', "'level' is both a state and an action"),
         ("def rates(self, state, action, p)", "def rates(self, state)", "rates must take"),
         ("def rates(self, state, action, p)", "def rate(self, state, action, p)", "needs a method rates"),
     ],

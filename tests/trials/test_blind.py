@@ -156,12 +156,12 @@ REFUSED = {
     "prove conceal --out x --stratum odd": "no stratum 'odd'",
     "prove conceal --out x --stratum machines": "--machines 20",
     "prove conceal --out x --stratum whole": "--system mjcf --robots 20",
-    "prove conceal --out x --robots 3": "say that, too",
-    "prove conceal --out x --floating 3": "--floating: such robots are worlds of --system mjcf",
+    "prove conceal --out x --robots 3": "--robots: such robots need --system mjcf",
+    "prove conceal --out x --floating 3": "--floating: such robots need --system mjcf",
     "prove conceal --out x --trials 0": "no worlds",
-    f"{MJCF} --rough 3": "neither rough nor long nor machines",
-    f"{MJCF} --machines 2": "leave --rough, --machines",
-    f"{MJCF} --plan 2": "nor for plans",
+    f"{MJCF} --rough 3": "cannot be combined with --rough",
+    f"{MJCF} --machines 2": "--rough, --machines",
+    f"{MJCF} --plan 2": "--plan and --no-long",
     f"{MJCF} --stratum triple": "no stratum 'triple' of --system mjcf",
 }
 

@@ -120,7 +120,7 @@ def compare(
     train, mishaps, alone, both, beside = steps["before"].train, Mishaps(), None, None, None
     why: NoGp | None = NoGp("not fitted")
     rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
-    with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
+    with mishaps.contained("no Gaussian process with the base simulator"):
         learnt = learn(problem, train, base, rng)
         rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
         alone = learnt

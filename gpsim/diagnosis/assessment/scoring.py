@@ -156,7 +156,7 @@ def posed(
         return Judged(question, models, "the diagnosis has none")
     extra = _process(with_gp, problem)
     if extra is None:
-        return Judged(question, models, "it needs channels that this recording does not show")
+        return Judged(question, models, "it needs channels that this recording does not have")
     return Judged(question, {**models, "after_gp": Model(_hypothesis(with_gp, base), extra)}, "")
 
 

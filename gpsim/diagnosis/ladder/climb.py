@@ -58,13 +58,13 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     known, simulator = run.known, question.everything.simulator
     every = laws_of(simulator, offers, run.settings.laws, known)
 
-    step("rung 1", 10, "fitting all that is usual at once")
+    step("rung 1", 10, "fitting all usual laws at once")
     search = _usual_machine(question, every)
     pushed = without_pushes(question, search)
     if pushed is not None:
         question = pushed
         search = _usual_machine(question, every)
-    step("rung 1", 30, "asking what could stand in for each law")
+    step("rung 1", 30, "testing substitutes for each law")
     if not search.lean:
         swap(search)
     step("rung 2", 45, "looking for what is unusual")
@@ -82,7 +82,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     search.require()
     search.crumbs()
     search.judge_held_out()
-    step("rung 2", 65, "asking each recording")
+    step("rung 2", 65, "comparing the recordings")
     with_own_values(search)
     laws = search.account
     step("rung 3", 70, "asking for measured curves")

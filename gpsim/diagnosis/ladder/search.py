@@ -541,9 +541,11 @@ class Search:
         if strange:
             return f"no machine has {strange[0]} of that size"
         if unusual:
-            return f"{unusual[0]} takes too little of what is left"
+            return f"{unusual[0]} removes too little of the remaining error"
         return (
-            f"held-out data are no better with {names[0]}" if names else "held-out data are no better with it"
+            f"held-out data do not improve with {names[0]}"
+            if names
+            else "held-out data do not improve with it"
         )
 
     # Held out
@@ -567,7 +569,9 @@ class Search:
             gone = Quadratic(self.account).taken_away(prices, [not s for s in slight])
             if not gone:
                 return
-            self.say("is a crumb of its joint's forces", True, *(laws[g.index].name for g in gone))
+            self.say(
+                "is a negligible part of the forces of its joint", True, *(laws[g.index].name for g in gone)
+            )
             adapted = placed(self.account.hypothesis, gone[-1].z)
             self.account = self.without(self.account, [g.index for g in gone], adapted, CLOSE)
 
@@ -596,7 +600,7 @@ class Search:
                     bad = law.usual, short, law
             if bad is None:
                 return
-            self.say("held-out windows are no better with it", True, bad[2].name, gain=bad[1])
+            self.say("held-out windows do not improve with it", True, bad[2].name, gain=bad[1])
             self.account = less[bad[2].key]
             self.refit(FIRST_LOOK)
 

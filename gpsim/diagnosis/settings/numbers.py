@@ -55,9 +55,7 @@ def check(step: Any, *, lists: Sequence[str] = (), shares: Sequence[str] = ()) -
 class WindowSettings:
     """The short pieces into which a recording is cut, and how many of them laws are fitted to."""
 
-    compiled: bool = setting(
-        True, "yes or no", "simulate by compiled code what has such a form, else by NumPy"
-    )
+    compiled: bool = setting(True, "yes or no", "use compiled simulation where possible, otherwise NumPy")
     pace: float = setting(0.01, "s", "faster clocks than this are thinned")
     length: int = setting(
         25,
@@ -66,12 +64,12 @@ class WindowSettings:
         "best of 10, 25 and 60 at 10 to 100 Hz: 10 lost memory, 60 slow effects",
         least=1,
     )
-    longest: int = setting(100, "transitions", "of a window at most, where a clock is fast", least=1)
-    searched: int = setting(80, "windows", "that laws are fitted to while they are sought, at most", least=4)
-    fitted: int = setting(
-        240, "windows", "that the account is fitted to, and as many held out, at most", least=4
+    longest: int = setting(100, "transitions", "length of a window at most, if the clock is fast", least=1)
+    searched: int = setting(80, "windows", "windows used in the search, at most", least=4)
+    fitted: int = setting(240, "windows", "windows for the final fit, and as many held out, at most", least=4)
+    fewest: int = setting(
+        4, "windows", "training windows at least; a recording with fewer is refused", least=1
     )
-    fewest: int = setting(4, "windows", "to learn from; with fewer a recording is refused", least=1)
 
 
 @dataclass(frozen=True)
@@ -79,62 +77,54 @@ class LogFactSettings:
     """Rung 0: what is peculiar to a log and no physics (repeated samples, outliers, grids, an uneven clock)."""
 
     stands_out: float = setting(
-        6.0, "1", "times the leaps around it, that an outlier leaps",
-        "11 standard deviations of white noise, of which none is ever an outlier", least=1,
+        6.0, "1", "size of an outlier's jump, relative to the steps around it",
+        "11 standard deviations of white noise, which never exceeds that", least=1,
     )  # fmt: skip
-    longest_repeat: int = setting(12, "samples", "that one value may be repeated by an accident", least=1)
-    angles: bool = setting(
-        True, "yes or no", "ask whether an angle is in degrees, or counted from 180 degrees away"
-    )
+    longest_repeat: int = setting(12, "samples", "longest accidental repetition of a value", least=1)
+    angles: bool = setting(True, "yes or no", "test whether an angle is in degrees, or offset by 180 degrees")
 
 
 @dataclass(frozen=True)
 class LawSettings:
     """Rungs 1 and 2: what a law must bring before it stands."""
 
-    law: float = setting(2.0, "nats", "beside the BIC price of its parameters (Schwarz 1978), of every law")
-    drag: float = setting(4.0, "nats", "more, of drag where no fluid is known", "odds of fifty")
-    unusual: float = setting(
-        8.0, "nats", "more, of a law that a machine seldom has", "odds of three thousand"
-    )
-    rare: float = setting(
-        12.0, "nats", "more, of a law that a machine hardly ever has, or that bends to anything"
-    )
-    gate: float = setting(10.0, "nats", "more, of a law that acts in a region, or from a moment on, only")
+    law: float = setting(2.0, "nats", "price of every law, in addition to BIC (Schwarz 1978)")
+    drag: float = setting(4.0, "nats", "additional price of drag, if no fluid is known", "odds of fifty")
+    unusual: float = setting(8.0, "nats", "additional price of an unusual law", "odds of three thousand")
+    rare: float = setting(12.0, "nats", "additional price of a very rare or very flexible law")
+    gate: float = setting(10.0, "nats", "additional price of a law with a region or a start time")
     crumb: float = setting(
         2e-4,
         "1",
-        "of the base's misfit: a law that takes off less goes, no curve is asked for",
+        "share of the base's misfit below which a law is removed",
         "no rollout shows it",
     )
-    share: float = setting(0.02, "1", "of what is left beyond the noise, that a usual law takes off at least")
-    share_of_drag: float = setting(0.1, "1", "the same of drag")
+    share: float = setting(0.02, "1", "share of the remaining error that a usual law must remove")
+    share_of_drag: float = setting(0.1, "1", "the same for drag")
     share_of_unusual: float = setting(
-        0.25, "1", "the same of an unusual law", "what is slight beside all that is not known has no name"
+        0.25, "1", "the same for an unusual law", "small effects cannot be identified beside unknown ones"
     )
-    share_of_gate: float = setting(0.5, "1", "the same of a gate", "onsets crept into real logs with less")
-    material: float = setting(0.01, "1", "of the base's misfit, that an unusual law takes off, too")
-    nearly_all: float = setting(0.6, "1", "of what is left, that is as good as `material`")
-    held_out: float = setting(
-        0.15, "1", "of what is left, that an unusual law is worth with held-out windows counted in"
+    share_of_gate: float = setting(
+        0.5, "1", "the same for a gate", "lower values gave wrong start times in real logs"
     )
-    harmless: float = setting(
-        0.1, "1", "of what a law gains in training, that held-out windows may lose by it"
-    )
+    material: float = setting(0.01, "1", "share of the base's misfit that an unusual law must also remove")
+    nearly_all: float = setting(0.6, "1", "share of the remaining error that replaces `material`")
+    held_out: float = setting(0.15, "1", "the same with held-out windows included")
+    harmless: float = setting(0.1, "1", "loss allowed on held-out windows, relative to the training gain")
     surely: float = setting(
         0.5,
         "nats",
-        "by which another account, or the base's own step, must be better to take the account's place",
+        "gain by which another account must be better to replace the present one",
     )
     hidden: float = setting(
-        10.0, "1", "times what a law gains, that it gains by the noise it leaves: then that one judges it",
-        "a mismatch that is large makes its own noise",
+        10.0, "1", "ratio of the two gains above which the remaining noise decides",
+        "a large mismatch counts as noise itself",
     )  # fmt: skip
     robot_leaves: float = setting(
         0.2,
         "1",
-        "of a robot's misfit, that usual laws must leave before unusual ones are asked for",
-        "they are dear",
+        "share of a robot's misfit above which unusual laws are tested",
+        "they are expensive",
     )
 
     def __post_init__(self) -> None:
@@ -147,16 +137,16 @@ class PushSettings:
     """Moments at which something from outside acted: windows that the usual machine misses are left out."""
 
     times: float = setting(
-        50.0, "1", "the median window's cost, that such a window's is", "7 times the usual error"
+        50.0, "1", "cost of such a window, relative to the median window", "7 times the usual error"
     )
-    most: float = setting(0.03, "1", "of all windows, at most", "where more are missed it is no accident")
+    most: float = setting(0.03, "1", "share of such windows, at most", "more would not be accidental")
     rules: float = setting(
-        0.5, "1", "of what all windows cost, that they cost together", "others rule no fit"
+        0.5, "1", "share of the total cost that they must have", "fewer do not affect the fit"
     )
     elsewhere: float = setting(
         0.99,
         "1",
-        "quantile of how far samples lie from those of other windows: nearer ones were met elsewhere",
+        "quantile of the distance between windows; closer samples were visited elsewhere",
     )
 
 
@@ -164,19 +154,19 @@ class PushSettings:
 class CurveSettings:
     """Rung 3: a measured curve of one input on top of the laws, where these leave something."""
 
-    most: int = setting(2, "1", "curves, at most; 0 asks for none", least=0)
+    most: int = setting(2, "1", "number of curves at most; 0 for none", least=0)
     knots: int = setting(9, "1", "knots of a curve of one input", "friction bends at low speed", least=3)
-    takes: float = setting(0.35, "1", "of what is left beyond the noise, that it takes off at least")
+    takes: float = setting(0.35, "1", "share of the remaining error that a curve must remove")
 
 
 @dataclass(frozen=True)
 class RolloutSettings:
     """Held-out rollouts, on which an account is judged."""
 
-    horizon: float = setting(1.0, "s", "of a rollout; a usual window at least")
-    longest: int = setting(200, "transitions", "of a rollout at most", least=2)
-    most: int = setting(120, "rollouts", "that are compared, at most", least=2)
-    draws: int = setting(400, "1", "of blocks of them, of which intervals are made", least=1)
+    horizon: float = setting(1.0, "s", "length of a rollout, at least a usual window")
+    longest: int = setting(200, "transitions", "length of a rollout at most", least=2)
+    most: int = setting(120, "rollouts", "rollouts to compare, at most", least=2)
+    draws: int = setting(400, "1", "bootstrap samples for intervals", least=1)
 
 
 @dataclass(frozen=True)
@@ -184,53 +174,43 @@ class VerdictSettings:
     """What is told: headlines, verdicts, rivals."""
 
     half: float = setting(
-        0.5, "1", "of the mismatch: an account that surely explains less is none", "DESIGN.md: unknown"
+        0.5, "1", "explained share below which the verdict is `unknown`", "DESIGN.md: unknown"
     )
     nearly_all: float = setting(
-        0.9, "1", "of the mismatch: one that explains less is partial", "DESIGN.md: partial"
+        0.9, "1", "explained share below which the verdict is `partial`", "DESIGN.md: partial"
     )
-    headline: float = setting(
-        0.05, "1", "of the mismatch, that a headline effect accounts for", "DESIGN.md: headline"
-    )
-    needed: float = setting(0.02, "1", "of the mismatch, that goes when a headline effect goes")
-    tie: float = setting(2.3, "nats", "behind, up to which a rival cannot be ruled out", "odds of ten")
-    odds: float = setting(
-        3.0, "1", "to one, against an account without one of its claims: with less it is ambiguous"
-    )
-    rivals: int = setting(6, "1", "that are told, at most", least=0)
-    chance: float = setting(1e-2, "1", "p-value of whiteness, below which something is left over")
-    beyond_doubt: float = setting(
-        20.0, "nats", "that an effect is worth, which is needed whatever rollouts show"
-    )
-    of_left: float = setting(
-        5.0, "1", "times what is left, that goes with a headline, if that is less than `needed`"
-    )
+    headline: float = setting(0.05, "1", "least share of a headline effect", "DESIGN.md: headline")
+    needed: float = setting(0.02, "1", "least loss when a headline effect is removed")
+    tie: float = setting(2.3, "nats", "distance up to which a rival is not excluded", "odds of ten")
+    odds: float = setting(3.0, "1", "odds to one below which the verdict is `ambiguous`")
+    rivals: int = setting(6, "1", "number of rivals reported, at most", least=0)
+    chance: float = setting(1e-2, "1", "p-value of whiteness below which the rest has structure")
+    beyond_doubt: float = setting(20.0, "nats", "gain above which an effect is always needed")
+    of_left: float = setting(5.0, "1", "loss relative to the rest, if that is less than `needed`")
     decides: float = setting(
         4.0,
         "1",
-        "times the squares with an effect, or of noise, without it, where it decides",
+        "ratio of squared errors above which an effect decides",
         "twice the error",
     )
     seldom: int = setting(
-        5, "blocks", "in which an effect decides that is a headline for that", "a stop is met seldom"
+        5, "blocks", "blocks in which a rare headline effect must decide", "an end stop is rarely reached"
     )
-    stands_out: float = setting(
-        2.0, "1", "times the noise's error, that the base's is in a channel that counts"
+    stands_out: float = setting(2.0, "1", "error of the base relative to the noise, in a channel that counts")
+    black_box: float = setting(0.25, "1", "share of the error removed by a black box that makes it `partial`")
+    implausible: float = setting(
+        2.0, "1", "factor outside the usual range above which the verdict is not `named`"
     )
-    black_box: float = setting(
-        0.25, "1", "of the account's error, that a model without names takes off: partial"
-    )
-    implausible: float = setting(2.0, "1", "times beyond usual sizes: a headline so far out is not named")
 
 
 @dataclass(frozen=True)
 class IntervalSettings:
     """How well the data know each parameter."""
 
-    level: float = setting(0.90, "1", "probability with which an interval holds its parameter", "usual")
+    level: float = setting(0.90, "1", "probability of an interval", "usual")
     model_error: float = setting(
-        0.45, "1", "of what a size does: its deviation by what has no name, if that were all of the mismatch",
-        "rough worlds of seed 2040 after it was opened: intervals held 55 % of 184 sizes without it, 88 % with it",
+        0.45, "1", "relative error of a size if the whole mismatch were unexplained",
+        "rough worlds, opened seed: coverage of 184 sizes 55 % without it, 88 % with it",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -241,15 +221,13 @@ class IntervalSettings:
 class GpSettings:
     """Rung 4: the Gaussian process on what is left."""
 
-    rows: int = setting(200, "transitions", "that it learns from, at most", least=2)
-    steps: int = setting(1500, "transitions", "on which models are compared, at most", least=2)
+    rows: int = setting(200, "transitions", "training transitions at most", least=2)
+    steps: int = setting(1500, "transitions", "transitions for comparing models, at most", least=2)
 
 
 @dataclass(frozen=True)
 class ClosedStepSettings:
     """Simulators that own their integration (MuJoCo models): steps are dear."""
 
-    fitted: int = setting(
-        60, "windows", "that the account is fitted to, and as many held out, at most", least=4
-    )
-    searched: int = setting(40, "windows", "that laws are fitted to while they are sought, at most", least=4)
+    fitted: int = setting(60, "windows", "windows for the final fit, and as many held out, at most", least=4)
+    searched: int = setting(40, "windows", "windows used in the search, at most", least=4)

@@ -71,7 +71,7 @@ class Settings:
 def gone(name: str) -> str:
     """That a step went with the old search, and what decides now; empty of all others."""
     return (
-        f"{WHERE}.{name}: went with the old search; what decides now is in {WHERE}.laws, .curves and .verdict "
+        f"{WHERE}.{name}: was removed; use {WHERE}.laws, .curves and .verdict instead "
         "(docs/reference/settings.md)"
         if name in GONE
         else ""

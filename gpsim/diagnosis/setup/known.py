@@ -32,9 +32,9 @@ def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, floa
             _check_effect_parameter(name, simulator)
         elif not low <= fixed[name] <= high:
             raise UsageError(
-                f"{BOUNDS_AT}.{name}: [{low:g}, {high:g}] does not hold what the simulator believes, "
-                f"{fixed[name]:g} {simulator.parameters[name].unit}; give that a value within with diagnose.known.fix "
-                "or in recording.yaml"
+                f"{BOUNDS_AT}.{name}: [{low:g}, {high:g}] does not contain the value of the simulator, "
+                f"{fixed[name]:g} {simulator.parameters[name].unit}; set a value inside with diagnose.known.fix or in "
+                "recording.yaml"
             )
     return fixed
 
@@ -48,7 +48,7 @@ def allowed(
     usable = [c for c in kept if not c.only_gated]
     for name in known.lacking([c.identity for c in usable]):
         region = known.lacking([c.identity for c in kept]) != known.lacking([c.identity for c in usable])
-        why = "it acts in a region only" if region else "this recording cannot show it, or you left it out"
+        why = "it acts in a region only" if region else "this recording cannot show it, or you excluded it"
         raise UsageError(f"{FAMILIES_AT}.require: '{name}' cannot be required: {why}")
     return kept
 

@@ -47,7 +47,7 @@ WELL_FORESEEN = 0.25  # of the same rate, that it leaves at most with the angle 
 
 DEGREES = math.degrees(1.0)  # of a radian: the factor between the two units
 REMEDY = "multiply by pi/180, or import the log with NAME=deg*COLUMN"
-SURE = "if it is right, say diagnose.log_facts.angles=false"
+SURE = "if it is correct, set diagnose.log_facts.angles=false"
 
 
 @dataclass(frozen=True)
@@ -261,8 +261,8 @@ def _check_speed(recording: Recording, rows: Transitions, coordinate: Coordinate
     for wrong, factor in ((pair[0], DEGREES), (pair[1], 1.0 / DEGREES)):
         if abs(ratio / factor - 1.0) < MOST_SCATTER:
             raise UsageError(
-                f"{pair[0]} moves {ratio:.3g} times as fast as {pair[1]} says: {wrong} is in degrees, while the "
-                f"simulator's angles are radians; {REMEDY}; {SURE}"
+                f"{pair[0]} moves {ratio:.3g} times as fast as {pair[1]} implies: {wrong} is in degrees, but the "
+                f"simulator uses radians; {REMEDY}; {SURE}"
             )
 
 
@@ -278,7 +278,7 @@ def _check_rates(rows: Transitions, simulator: Simulator, parameters: Parameters
             worst = int(np.argmax(np.where(better, usual - left, -np.inf)))
             read, as_it_is = (f"{100.0 * (1.0 - float(part[worst])):.0f} %" for part in (left, usual))
             raise UsageError(
-                f"{said}: read so, the simulator explains {read} of {simulator.rate.names[worst]}, as it is "
+                f"{said}: with that, the simulator explains {read} of {simulator.rate.names[worst]}, without it "
                 f"{as_it_is}; {remedy}; {SURE}"
             )
 
@@ -297,9 +297,9 @@ def _readings(
         said = f"{' and '.join(both)} {'seem' if len(both) > 1 else 'seems'} to be in degrees"
         yield said, np.where(np.isin(state.names, both), 1.0 / DEGREES, 1.0), 0.0, REMEDY
     for name in angles:
-        said = f"{name} seems to be counted from 180 degrees away"
+        said = f"{name} seems to have an offset of 180 degrees"
         shift = np.where(np.isin(state.names, [name]), math.pi, 0.0)
-        yield said, 1.0, shift, f"add or take off pi, so that {name} is 0 where the model's is"
+        yield said, 1.0, shift, f"add or subtract pi, so that {name} is 0 where that of the model is"
 
 
 def _unexplained(

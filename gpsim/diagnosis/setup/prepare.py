@@ -183,7 +183,7 @@ def _check_length(recording: Recording) -> None:
     single = sum(len(episode) == 0 for episode in recording.episodes)
     if single > 1 and 2 * single > len(recording.episodes):
         raise UsageError(
-            f"{short}; {single} episodes have one row: the column `episode` names episodes, it does not count rows"
+            f"{short}; {single} episodes have one row: the column `episode` must name episodes, not count rows"
         )
     raise NoDiagnosis(f"{short}; record more")
 
@@ -194,8 +194,8 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
     training, held = _parted(recording, length, settings)
     if recording.held_out is not None and recording.held_out.share != 0.0 and not len(held):
         raise UsageError(
-            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
-            "or take it out to hold out the last fifth"
+            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, or "
+            "remove it to hold out the last fifth"
         )
     if len(training) < prepared.fewest:
         raise NoDiagnosis(

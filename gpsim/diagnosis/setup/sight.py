@@ -115,7 +115,7 @@ def check_moves(recording: Recording, simulator: Simulator, sight: Sight) -> Non
             value = _constant(recording)[dead[0]]
             raise UsageError(
                 f"channel {dead[0]} is constant ({value:g}) from episode {first} to episode {last} while {other} "
-                f"moves: check the sensor, or leave {dead[0]} out of the recording and its state: it is estimated then"
+                f"moves: check the sensor, or remove {dead[0]} from the recording, so that it is estimated"
             )
 
 

@@ -39,7 +39,7 @@ class ActuatorGain(ActuatorEffect):
             0.25,
             4.0,
             "1",
-            "torque constants are within 10 % (data sheets), gears and units are mistaken by a factor of two or three",
+            "torque constants are within 10 % (data sheets), wrong gears and units give a factor of two or three",
         )
     }
 
@@ -63,7 +63,7 @@ class ActuatorBias(ActuatorEffect):
     function_of = "command"
     needs = "nothing"
     order = 70
-    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded")}
+    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is smaller than the commands")}
 
     @staticmethod
     def law(u: Each, bias: Each) -> Each:
@@ -78,8 +78,8 @@ class ActuatorBias(ActuatorEffect):
 class ActuatorDeadZone(ActuatorEffect):
     """A dead zone: commands smaller than the width do nothing, larger ones act in full.
 
-    Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7, whose dead zone also takes the width off larger
-    commands; this one jumps, as a driver does that sets small commands to 0.
+    Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7, whose dead zone also reduces larger commands; this one
+    jumps, like a driver that sets small commands to 0.
     """
 
     family = "actuator_dead_zone"
@@ -105,7 +105,7 @@ class ActuatorDeadBand(ActuatorEffect):
     """  # noqa: E501
 
     family = "actuator_dead_band"
-    sentence = "{on} acts with {width} less than its commanded size, and below that not at all"
+    sentence = "{on} loses {width} of every command, and ignores smaller commands"
     function_of = "command"
     order = 21
 
@@ -130,7 +130,7 @@ class ActuatorSaturation(ActuatorEffect):
     function_of = "command"
     order = 30
     plausible = {
-        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can")
+        "limit": Plausible(0.1, np.inf, "size", "by reason: commands do not exceed ten times the limit")
     }
 
     @staticmethod
@@ -152,7 +152,7 @@ class ActuatorAsymmetry(ActuatorEffect):
 
     family = "actuator_asymmetry"
     sentence = (
-        "{on} acts with {gain_positive} times a positive command and {gain_negative} times a negative one"
+        "{on} acts with {gain_positive} times positive commands and {gain_negative} times negative commands"
     )
     function_of = "command"
     order = 50
@@ -173,7 +173,7 @@ class ActuatorAsymmetry(ActuatorEffect):
 class BatterySag(ActuatorEffect):
     """Battery sag: the gain falls with time, g = 1 - loss t.
 
-    Definition: a straight line in the place of a discharge curve (Shepherd 1965, "Design of primary and secondary
+    Definition: a straight line instead of a discharge curve (Shepherd 1965, "Design of primary and secondary
     cells II. An equation describing battery discharge", Journal of the Electrochemical Society 112(7)). t: since
     the clock began.
     """
@@ -187,7 +187,7 @@ class BatterySag(ActuatorEffect):
     drifts = True
     plausible = {
         "loss_per_second": Plausible(
-            0.0, 1.0, "1 / reach", "by reason: a battery that is empty at the end of the recording"
+            0.0, 1.0, "1 / reach", "by reason: the battery is empty at the end of the recording"
         )
     }
 
@@ -329,16 +329,15 @@ class ActuatorDelay(LateEffect):
 class ClockDrift(LateEffect):
     """A clock that drifts: the simulator gets u(t - d t), with t since the clock began.
 
-    Definition: a computer that gives commands by a clock of its own, slow by d against the one that stamps what is
-    read. An even rate is the first order of an oscillator's drift. It acts on commands, which are known before they
-    act, and makes them later and later.
-    A fast clock would make them act before they are given, which no simulator can step through that is driven live; and
-    what a sensor reads is not asked when it was read, so that side has no clock.
+    Definition: a computer that gives commands by its own clock, which is slow by d against that of the readings. An
+    even rate is the first order of an oscillator's drift. It acts on commands and makes them increasingly late. A
+    fast clock would make them act before they are given, which no simulator can step through that is driven live;
+    and what a sensor reads is not asked when it was read, so that side has no clock.
     """
 
     family = "clock_drift"
     noun = "clock drift"
-    sentence = "the clock of {on} is slow by {drift}, so that commands come later and later"
+    sentence = "the clock of {on} is slow by {drift}, so commands are increasingly late"
     gated = False
     drifts = True
     holds = False
@@ -386,11 +385,11 @@ class TorqueSpeedLimit(DriveEffect):
 
     family = "torque_speed_limit"
     noun = "torque-speed line"
-    sentence = "{on} gives {stall} at standstill, and less the faster it turns: none at {no_load_speed}"
+    sentence = "{on} gives {stall} at standstill, decreasing with speed to zero at {no_load_speed}"
     plausible = {
         "stall": Plausible(0.1, np.inf, "size", "as a saturation"),
         "no_load_speed": Plausible(
-            0.5, np.inf, "speed", "by reason: nobody drives a motor at twice its no-load speed"
+            0.5, np.inf, "speed", "by reason: a motor is never driven at twice its no-load speed"
         ),
     }
 
@@ -415,14 +414,14 @@ class FlexibleCoupling(ElasticDrive):
 
     Definition: two inertias with a spring and a damper between them, as a motor and what it drives through a belt, a
     harmonic drive or a long shaft (Spong 1987, "Modeling and control of elastic joint robots", Journal of Dynamic
-    Systems, Measurement, and Control 109(4)). The motor is ahead of the load by z. A very stiff one leaves a rotor of
-    inertia J on the load, one without J leaves nothing. It moves by itself, so that the load goes on when the command
-    is gone.
+    Systems, Measurement, and Control 109(4)). The motor is ahead of the load by z. A very stiff one acts as a rotor
+    of inertia J on the load, one without J has no effect. It has its own motion, so the load continues when the
+    command ends.
     """
 
     family = "flexible_coupling"
     noun = "flexible coupling"
-    sentence = "{on} turns its load through a spring ({stiffness}) and a damper ({damping}), with a motor of {inertia}"
+    sentence = "{on} drives its load through a spring ({stiffness}) and a damper ({damping}), motor {inertia}"
     takes = dict.fromkeys(("stiffness", "damping", "inertia"), np.nan)
     asked = False  # three numbers and ringing: lags, delays and sprung masses look like it
     of_robots = True

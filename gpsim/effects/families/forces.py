@@ -28,7 +28,7 @@ class ViscousFriction(ForceEffect):
             0.0,
             3.0,
             "size / speed",
-            "friction beyond the drive lets nothing move (EMPS axis: 203 N s/m; Janot, Gautier and Brunot 2019)",
+            "larger friction would prevent any motion (EMPS axis: 203 N s/m; Janot, Gautier and Brunot 2019)",
         )
     }
 
@@ -57,7 +57,7 @@ class QuadraticDrag(ForceEffect):
             0.0,
             3.0,
             "size / speed^2",
-            "drag beyond the driving force would stop what it brakes (Batchelor 1967, section 5.11)",
+            "drag larger than the driving force would stop the body (Batchelor 1967, section 5.11)",
         )
     }
 
@@ -85,7 +85,7 @@ class Spring(ForceEffect):
             0.0,
             10.0,
             "size / reach",
-            "by reason: a spring ten times as stiff as what drives it lets nothing move",
+            "by reason: a much stiffer spring would prevent any motion",
         )
     }
 
@@ -114,7 +114,7 @@ class CubicSpring(ForceEffect):
     )
     plausible = {
         "stiffness": Plausible(0.0, 10.0, "size / reach", "as a spring"),
-        "cubic": Plausible(0.0, 10.0, "size / reach^3", "as a spring, at the end of its reach"),
+        "cubic": Plausible(0.0, 10.0, "size / reach^3", "as a spring, at the end of its range"),
     }
 
     @staticmethod
@@ -145,7 +145,7 @@ class ConstantForce(ForceEffect):
     function_of = "position"
     plausible = {
         "force": Plausible(
-            0.0, 3.0, "size", "by reason: what pulls harder than the drive carries everything off"
+            0.0, 3.0, "size", "by reason: a force larger than that of the drive would carry the body away"
         )
     }
 
@@ -169,11 +169,9 @@ class CoggingForce(ForceEffect):
     family = "cogging_force"
     function_of = "position"
     noun = "cogging"
-    sentence = "a ripple of {amplitude} on {on}, once every {period} of the way (cogging), was left out"
+    sentence = "a cogging force of {amplitude} on {on} with a period of {period} was left out"
     plausible = {
-        "amplitude": Plausible(
-            0.0, 3.0, "size", "by reason: a ripple beyond the drive holds the body in one tooth"
-        )
+        "amplitude": Plausible(0.0, 3.0, "size", "by reason: a larger force would hold the body in one tooth")
     }
 
     @staticmethod
@@ -263,7 +261,7 @@ class CoulombFriction(ForceEffect):
             0.0,
             3.0,
             "size",
-            "what moves is driven by more than its friction (EMPS axis: 20 N; Janot, Gautier and Brunot 2019)",
+            "the drive exceeds the friction, or nothing would move (EMPS axis: 20 N; Janot, Gautier and Brunot 2019)",
         ),
         "coefficient": Plausible(
             0.0,
@@ -308,9 +306,7 @@ class LocalFrictionPatch(ForceEffect):
     needs_region = True
     patch_of = "coulomb_friction"
     dry = True
-    plausible = {
-        "force": Plausible(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through")
-    }
+    plausible = {"force": Plausible(0.0, 5.0, "size", "as Coulomb friction, if the motion overcomes it")}
     law = staticmethod(CoulombFriction.law)
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -340,9 +336,9 @@ class StribeckFriction(ForceEffect):
         "static_force": Plausible(
             0.0, 3.0, "size", "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)"
         ),
-        "rise": Plausible(0.0, 3.0, "size", "at rest at most twice the sliding force (the same)"),
+        "rise": Plausible(0.0, 3.0, "size", "at rest at most twice the sliding force (same reference)"),
         "stribeck_velocity": Plausible(
-            0.0, 0.5, "speed", "lubricated steel: some mm/s, a small part of the usual speed (the same)"
+            0.0, 0.5, "speed", "lubricated steel: some mm/s, a small part of the usual speed (same reference)"
         ),
     }
 
@@ -382,14 +378,14 @@ class LoadFriction(ForceEffect):
 
     Definition: Coulomb friction whose normal force is the transmitted one, as in a worm gear or a harmonic drive
     (Hamon, Gautier and Garrec 2010, "Dynamic identification of robots with a dry friction model depending on load and
-    velocity"). Where a drive has a law of its own, u is what it gives. On a MuJoCo model it is asked as what friction
+    velocity"). If a drive has its own law, u is its output. On a MuJoCo model it is asked as what friction
     rises by (`RISE`), of all joints together.
     """  # noqa: E501
 
     family = "load_friction"
     function_of = "nothing"
     noun = "friction under load"
-    sentence = "friction on {on} of {share} times what drives it was left out"
+    sentence = "friction on {on} of {share} times the driving force was left out"
     variants = ("", RISE)
     dry = True
     loaded_by_command = True
@@ -399,7 +395,7 @@ class LoadFriction(ForceEffect):
             0.0,
             0.4,
             "1",
-            "gears: 2 % (one spur stage) to 40 % (four of them) of what they transmit (data sheets)",
+            "gears lose 2 % (one spur stage) to 40 % (four stages) of the transmitted force (data sheets)",
         )
     }
 
@@ -426,7 +422,7 @@ class LugreFriction(BristleEffect):
 
     family = "lugre_friction"
     noun = "LuGre friction"
-    sentence = "friction on {on} of {force} that yields before it slides ({stiffness}) was left out"
+    sentence = "friction on {on} of {force} with presliding ({stiffness}) was left out"
     variants = ("", "stribeck")
     takes = {"force": np.nan, "static_force": 0.0, "stribeck_velocity": 1.0, "stiffness": np.nan}
     plausible = {

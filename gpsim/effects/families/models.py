@@ -21,14 +21,14 @@ class ParameterOffset(ParameterEffect):
     """
 
     family = "parameter_offset"
-    sentence = "{on} is {ratio} times what the simulator believes"
+    sentence = "{on} is {ratio} times its value in the simulator"
     function_of = "nothing"
     plausible = {
         "ratio": Plausible(
             0.25,
             4.0,
             "1",
-            "masses are off by tens of per cent (Armstrong, Khatib and Burdick 1986), an uncounted drive doubles them",
+            "mass errors are tens of per cent (Armstrong, Khatib and Burdick 1986); a neglected drive doubles a mass",
         )
     }
 
@@ -68,7 +68,7 @@ class Payload(ModelEffect):
             0.0,
             5.0,
             "size",
-            "what arms lift by their data sheets: five times of what their last body weighs, or half of all that moves",
+            "payloads in data sheets: five times the mass of the last body, or half of the moving mass",
         )
     }
 
@@ -101,7 +101,7 @@ class Armature(ModelEffect):
             0.0,
             3.0,
             "size",
-            "some 0.1 kg m^2 on small arms (MuJoCo Menagerie), as much as the load where gears are matched",
+            "about 0.1 kg m^2 on small arms (MuJoCo Menagerie); equal to the load for a matched gear",
             least=1.0,
         )
     }
@@ -144,7 +144,7 @@ class GravityCompensation(ModelEffect):
     function_of = "nothing"
     noun = "gravity compensation"
     plausible = {
-        "share": Plausible(0.8, 1.2, "1", "compensated by a model whose masses are off by some ten per cent")
+        "share": Plausible(0.8, 1.2, "1", "compensated by a model with mass errors of about ten per cent")
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -155,7 +155,7 @@ class GravityCompensation(ModelEffect):
 class Overflow(RateEffect):
     """An overflow: at its rim a level rises no further, whatever flows in.
 
-    Definition: what comes in beyond the rim is lost, as in a vessel that spills (the cascaded tanks of Schoukens,
+    Definition: inflow above the rim is lost, as in a vessel that spills (the cascaded tanks of Schoukens,
     Mattsson, Wigren and Noel 2016 do). It acts on states of the first order, and is asked of channels whose readings
     stand at their highest value.
     """

@@ -93,8 +93,8 @@ class SensorScale(SensorEffect):
 class SensorDeadZone(SensorEffect):
     """A sensor's dead zone: readings smaller than the width are 0, larger ones are right.
 
-    Definition: a threshold, as of a tachometer that needs a least speed. Asked where a recording has readings of
-    exactly 0 and none between 0 and a least one.
+    Definition: a threshold, like that of a tachometer with a minimum speed. Tested if a recording has readings of
+    exactly 0 and none between 0 and a threshold.
     """
 
     family = "sensor_dead_zone"
@@ -125,7 +125,7 @@ class SensorDeadZone(SensorEffect):
 class SensorSaturation(SensorEffect):
     """A sensor at its range's end: the reading never leaves [low, high].
 
-    Definition: clipping, as an analog-to-digital converter or a full vessel does it. Asked where readings stand at the
+    Definition: clipping, as an analog-to-digital converter or a full vessel does it. Tested if many readings have the
     lowest or highest value of the recording.
     """
 
@@ -154,8 +154,8 @@ class SensorLag(SensorEffect):
     """A sensor's lag: T y' = x - y, the filter of the first order that firmware lays over what it reads.
 
     Ogata (2010), Modern Control Engineering, 5th ed., section 5-2 (first-order systems). Exact where the true value x
-    is a straight line over each substep. Asked on a speed or a position that was read beside the other and visibly
-    trails it.
+    is a straight line over each substep. Tested on a speed or a position if both were read and one visibly trails the
+    other.
     """
 
     family = "sensor_lag"

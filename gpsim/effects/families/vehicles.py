@@ -20,7 +20,7 @@ class WheelSaturation(VehicleEffect):
 
     family = "wheel_saturation"
     noun = "wheel saturation"
-    sentence = "neither wheel, {track} apart, rolls faster than {limit}"
+    sentence = "no wheel (track width {track}) rolls faster than {limit}"
     function_of = "nothing"
     order = 5
     plausible = {
@@ -81,7 +81,7 @@ class Understeer(VehicleEffect):
             0.0,
             5.0,
             "1",
-            "1/V^2, V the characteristic speed: of cars 20 to 30 m/s (Gillespie 1992), of models some 0.5 m/s",
+            "1/V^2, V the characteristic speed: for cars 20 to 30 m/s (Gillespie 1992), for models about 0.5 m/s",
         )
     }
 
@@ -101,12 +101,12 @@ class SteeringBias(VehicleEffect):
     """
 
     family = "steering_bias"
-    sentence = "the steering is off by a curvature of {curvature}"
+    sentence = "the steering has a curvature offset of {curvature}"
     function_of = "twist"
     order = 30
     plausible = {
         "curvature": Plausible(
-            0.0, 2.0, "1", "by reason: small robots turn with 2/m at the most (a Limo: 0.46 m)"
+            0.0, 2.0, "1", "by reason: small robots turn with at most 2/m (a Limo: 0.46 m)"
         )
     }
 
@@ -124,17 +124,17 @@ class CorneringDrag(VehicleEffect):
 
     A tyre that carries the lateral force m v w at a slip angle holds the vehicle back by that force times the angle;
     with a linear tyre both grow with the lateral acceleration v w (Milliken and Milliken 1995, Race Car Vehicle
-    Dynamics, chapter 2, induced drag; Gillespie 1992, chapter 6). What a motor then loses of its speed is taken as
+    Dynamics, chapter 2, induced drag; Gillespie 1992, chapter 6). The loss of speed of the motor is taken as
     proportional.
     """
 
     family = "cornering_drag"
-    sentence = "the vehicle slows down in curves: by {drag} times its lateral acceleration squared"
+    sentence = "the vehicle slows down in curves by {drag} times its squared lateral acceleration"
     function_of = "twist"
     order = 30
     changes = "v"
     plausible = {
-        "drag": Plausible(0.0, 1.0, "1", "by reason: half of the speed is lost at 1 m/s^2 of model cars")
+        "drag": Plausible(0.0, 1.0, "1", "by reason: model cars lose half of their speed at 1 m/s^2")
     }
 
     @staticmethod

@@ -55,9 +55,7 @@ class PpoSettings:
         _check(self, "be at least 0", "expert_rounds")
         _check(self, "be at least 1", "expert_states", "expert_width", "expert_horizon")
         if self.expert_rounds and self.gamma == 1.0:
-            raise ValueError(
-                "gamma must be below 1 where expert_rounds follow: they go by the critic's share"
-            )
+            raise ValueError("gamma must be below 1 with expert_rounds, because they use the critic")
         if self.n_envs * self.n_steps < 2:
             raise ValueError("n_envs times n_steps must be at least 2")
 

@@ -48,6 +48,4 @@ def open_log(path: Path, *, salvage: bool = False) -> RawLog:
     if folder or suffix in openers:
         container = Folder(path, _STORAGE) if folder else openers[suffix](path)
         return BagLog(path, container, salvage=salvage)
-    raise UsageError(
-        f"{path}: kind of log not known by its name; known are {', '.join(KINDS)} and ROS 2 bag folders"
-    )
+    raise UsageError(f"{path}: unknown kind of log; supported are {', '.join(KINDS)} and ROS 2 bag folders")

@@ -20,7 +20,7 @@ from gpsim.recordings.readers.container import LATEST, Container, DamageError, L
 from gpsim.recordings.values import one_line
 
 DEFAULT_DISTRO = "humble"
-MISSING = "announced by the index, not found"
+MISSING = "listed in the index, but not found"
 BLOCK = 4096
 NAN, NO_STAMP = float("nan"), -(2**63)
 Row = Sequence[Any]
@@ -180,7 +180,7 @@ class BagLog:
             there = ", ".join(sorted({s.topic for s in self._streams})[:20]) or "none"
             raise UsageError(f"{self.path}: no topic '{one_line(topic)}'; there are: {there}")
         if not kept.names:
-            raise UsageError(f"{self.path}: no field of {topic} is asked for; name one, as pose.position.x")
+            raise UsageError(f"{self.path}: no field of {topic} is given; name one, as pose.position.x")
         readings = {}
         for stream in streams:
             try:

@@ -93,13 +93,13 @@ class Ledger:
 
 def refusal(path: Path, where: str, reason: str) -> UsageError:
     """The error for damage that nothing can be read behind."""
-    return UsageError(f"{path}: {where}: {one_line(reason)}; copy the file again or record anew")
+    return UsageError(f"{path}: {where}: {one_line(reason)}; copy the file again, or make a new recording")
 
 
 def wrong_kind(path: Path, kind: str, why: str) -> UsageError:
     """The error for a file that is not what its name promises."""
     said = f"{path}: byte 0: not {kind} ({why})"
-    return UsageError(f"{said}; name the file by its kind, or export the log again")
+    return UsageError(f"{said}; use the usual file extension, or export the log again")
 
 
 def regular_file(path: Path) -> int:
@@ -321,7 +321,7 @@ class Budget:
         """Note a chunk that makes `count` bytes."""
         self._bytes += count
         if self._bytes > self._most_bytes:
-            self._refuse(f"make more than {self._most_bytes} bytes of messages")
+            self._refuse(f"expand to more than {self._most_bytes} bytes of messages")
         if not count:
             self.empty()
 
@@ -329,7 +329,7 @@ class Budget:
         """Note a chunk or a record in which there is nothing."""
         self._empty += 1
         if self._empty > self._most_empty:
-            self._refuse(f"hold more than {self._most_empty} chunks and records with nothing in them")
+            self._refuse(f"contain more than {self._most_empty} empty chunks and records")
 
     def record(self) -> None:
         """Note a record that is no message."""

@@ -47,7 +47,7 @@ class _Room:
     def matrix(self, body: bytes, depth: int) -> None:
         """One variable, or a field or cell of one; what is damaged in it scipy finds."""
         if depth > _DEEPEST:
-            raise DamageError(f"its variables hold each other more than {_DEEPEST} deep")
+            raise DamageError(f"its variables are nested more than {_DEEPEST} deep")
         flags, position = self._element(body, 0)
         dims, position = self._element(body, position)
         _, position = self._element(body, position)

@@ -93,9 +93,7 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
     types = _parse(stream) if own else _types_of(Stores(f"ros2_{distro}"))
     if stream.type not in types:
         source = "the bag's definition" if own else f"ROS 2 {distro}"
-        raise DamageError(
-            f"type {one_line(stream.type, 80)} is not in {source}; name the distribution it belongs to"
-        )
+        raise DamageError(f"type {one_line(stream.type, 80)} is not in {source}; name its distribution")
     types = _reachable(types, stream.type)
     nodes = _check_types(types, stream.type)
     store = get_typestore(Stores.EMPTY)
@@ -300,7 +298,7 @@ def _segments(text: str) -> Iterator[tuple[int | None, str, str | None]]:
 
 def _field(here: Any, name: str, types: Types, text: str) -> Any:
     if here[0] != Nodetype.NAME:
-        raise PathError(f"{text}: '{name}' is asked of {_name(here)}, which has no fields")
+        raise PathError(f"{text}: {name} has no fields, so it has no '{_name(here)}'")
     names = dict(types[here[1]][1])
     if name not in names:
         close = difflib.get_close_matches(name, names, 3, 0.4) or list(names)[:12]
@@ -337,7 +335,7 @@ def _conditions(where: str, element: Any, types: Types, text: str) -> tuple[tupl
         for name in names:
             here = _field(here, name, types, text)
         if here[0] != Nodetype.BASE:
-            raise PathError(f"{text}: {key.strip()} is not a plain value; it is {_name(here)}")
+            raise PathError(f"{text}: {key.strip()} is not a single value; it is {_name(here)}")
         found.append((".".join(map(normalize_fieldname, names)), value.strip()))
     return tuple(found)
 

@@ -279,7 +279,7 @@ class Folder(Container):
         except DamageError as error:
             names = sorted(p.name for p in self.path.iterdir() if p.suffix in self.openers and p.is_file())
             if not names:
-                reason = f"{error.reason}, and the folder holds no .db3 or .mcap"
+                reason = f"{error.reason}, and the folder contains no .db3 or .mcap"
                 raise refusal(self.path, METADATA, reason) from error
             ledger.lost(f"{error.reason} (storage files there: {', '.join(names[:5])})", METADATA)
             metadata = _Information(_NEWEST, tuple(names), [])
@@ -357,6 +357,6 @@ class Folder(Container):
                 found[last] = replace(found[last], count=max(0, (found[last].count or 0) + missing))
             elif missing > 0:
                 name, fault = topic_name(topic)
-                lost = f"{METADATA} announces {missing} messages, the storage files have no such topic"
+                lost = f"{METADATA} announces {missing} messages, but the storage files have no such topic"
                 found.append(Stream(-1 - len(found), name, count=missing, fault=fault or lost))
         return found

@@ -252,7 +252,7 @@ class Bag1(Walk):
         fields = Fields.of(source.read(position + 4, length))
         op = fields.get(b"op", b"")
         if len(op) != 1:
-            raise DamageError("a record does not say its kind")
+            raise DamageError("a record has no kind")
         size = int.from_bytes(source.read(position + 4 + length, 4), "little")
         return Record(op[0], position, position + 8 + length, size, fields)
 
