@@ -131,7 +131,7 @@ def deploy_command(
     ),
     setup: Setup,
 ) -> None:
-    """Watch recorded drives as the monitor of a safe deployment would have: when it stops them, and why.
+    """Test the monitor of a safe deployment on recorded drives: when it stops them, and why.
 
     It predicts each step with the simulator of correction=, and stops when the errors are unusual or a state leaves
     deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true

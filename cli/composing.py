@@ -120,6 +120,9 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             if where == "diagnose" and not meant and (old := nearest(part, GONE)):
                 return f"no setting '{key}'; {gone(old)}"
             hint = f" (did you mean {'.'.join([*parts[:depth], meant])}?)" if meant else ""
-            return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
+            there = (
+                f"{where} has: {', '.join(known) or 'none'}" if where else "--show-config lists all settings"
+            )
+            return f"no setting '{key}'{hint}; {there}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

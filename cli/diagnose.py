@@ -91,8 +91,8 @@ class DiagnoseSetup(Setup):
 
     words: list[str] | None = words_of(
         "[RECORDING]... [KEY=VALUE]...",
-        "A recording folder or a raw log file; none means the recording of the loop. Several recordings of "
-        "one machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
+        "Recording folders or raw logs; by default the recording of the loop. Several recordings of one "
+        "machine get one account. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
         completion.diagnose_words,
     )
 

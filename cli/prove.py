@@ -107,7 +107,7 @@ class Worlds:
             )
         for name, count in (("--robots", self.robots), ("--floating", self.floating)):
             if count and not self.system:
-                raise UsageError(f"{name}: such robots are worlds of --system mjcf; say that, too")
+                raise UsageError(f"{name}: such robots need --system mjcf; add it")
         if self.system:
             return prove.robots_numbers(self.trials, self.stratum or (), self.robots, self.floating)
         return prove.numbers_of(self.trials, self.stratum or (), self.long, *others)
@@ -144,7 +144,7 @@ def _refuse_options(context: typer.Context, step: str) -> None:
         source = context.get_parameter_source(given.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
-                f"prove: {'/'.join([*given.opts, *given.secondary_opts])} stands before the step; "
+                f"prove: {'/'.join([*given.opts, *given.secondary_opts])} is before the step; put options after it: "
                 f"gpsim prove {step} ..."
             )
 

@@ -137,6 +137,6 @@ class TrainingData:
                 inputs, targets, counts = inputs[first[order]], means[order], found[order]
         if counts.size > MOST_ROWS:
             raise TooManyRowsError(
-                f"{counts.size} distinct inputs; an exact Gaussian process takes at most {MOST_ROWS}: fit a subsample"
+                f"{counts.size} distinct inputs; an exact Gaussian process allows at most {MOST_ROWS}: fit a subsample"
             )
         return TrainingData(read_only(inputs), read_only(targets), read_only(counts), scatter)

@@ -93,7 +93,7 @@ def ros_node(
     """
     if policy.bounds is None or policy.bounds.shape != (2, 2) or len(policy.scale) != 2:
         raise UsageError(
-            "only policies that drive a vehicle to a goal have a ROS node; this one takes no goal in the plane"
+            "only policies that drive a vehicle to a goal have a ROS node; this one has no goal in the plane"
         )
     text = (resources.files("gpsim.policies") / "drive_to_goal.py.jinja").read_text(encoding="utf-8")
     node = Template(text, undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True)

@@ -428,7 +428,7 @@ def _episode(
         raise UsageError(f"{where}: episode {name}: a value is not a number: {error}") from error
     used = np.ones(values.shape, dtype=np.bool_)
     used[-1, states:] = False
-    finite, huge = np.isfinite(values), f"is no measurement, none is larger than {LARGEST:g}"
+    finite, huge = np.isfinite(values), f"is not a valid measurement; the limit is {LARGEST:g}"
     for kind, bad, why in (
         ("channel", ~finite, "is not finite"),
         ("column", finite & (np.abs(values) > LARGEST), huge),

@@ -199,7 +199,7 @@ def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
             factor = math.nan
         if not (math.isfinite(factor) and factor != 0.0):
             units = ", ".join(FACTORS)
-            no = f"'{one_line(said.strip(), 30)}' is no factor; give a number, or one of {units}"
+            no = f"'{one_line(said.strip(), 30)}' is not a factor; give a number, or one of {units}"
             raise UsageError(f"{where}: {no}")
         scale *= factor
     rest = rest.strip()
@@ -319,7 +319,7 @@ def _clock_of(tables: Sequence[Topic], given: Mapping[str, str], values: Values,
     if "dt" in given and not exact:
         step = float(given["dt"])
         if not (np.isfinite(step) and step > 0):
-            raise UsageError(f"dt={given['dt']}: give the seconds between two rows, as dt=0.01")
+            raise UsageError(f"dt={given['dt']}: give the seconds per row, as dt=0.01")
         return _even(step)
     if chosen:
         made = _column(chosen[0], tables, values)

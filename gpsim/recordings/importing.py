@@ -242,9 +242,9 @@ def _unit_hint(parts: Sequence[Part]) -> str:
             if unit is not None:
                 scale = f"{guessing.UNITS[unit]:.0e}"
                 return (
-                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write time: "
+                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
                     f"time: {{field: {time.field}, scale: {scale}}} in the mapping, or time.scale={scale} behind the "
-                    f"command; if it is in seconds, raise gap_limit above {step:g}"
+                    f"command; if it is in seconds, set gap_limit > {step:g}"
                 )
     return ""
 

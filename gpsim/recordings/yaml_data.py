@@ -109,14 +109,14 @@ def _size(node: yaml.Node, plain: bool, sizes: dict[int, int]) -> int:
     where = _line(node.start_mark)
     if id(node) in sizes:
         if not sizes[id(node)]:
-            raise YamlError(f"{where}an alias (*name) stands inside of what it repeats")
+            raise YamlError(f"{where}an alias (*name) contains itself")
         return sizes[id(node)]
     sizes[id(node)] = 0
     if plain and node.tag not in _PLAIN:
-        raise YamlError(f"{where}{one_line(node.tag, 60)} is no plain value; write text, numbers, lists")
+        raise YamlError(f"{where}{one_line(node.tag, 60)} is not a plain value; use text, numbers, lists")
     total = 1 + sum(_size(part, plain, sizes) for part in _parts(node, plain))
     if total - len(sizes) > MOST_REPEATED:
-        raise YamlError(f"{where}aliases (*name) repeat more than {MOST_REPEATED} values; write them out")
+        raise YamlError(f"{where}aliases (*name) expand to more than {MOST_REPEATED} values; write them out")
     sizes[id(node)] = total
     return total
 

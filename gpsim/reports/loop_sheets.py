@@ -285,7 +285,7 @@ def calibration_sheet(report: LoopReport) -> Sheet:
     )
     shares = (f"in its {100.0 * float(level):.0f} % interval" for level in levels)
     heads = ("Rate", "Data", *shares, "Predicted std", "Error (rms)", "Negative log likelihood")
-    note = f"Below the nominal share the GP is too sure of itself, above it too cautious.{_averaged(report)}"
+    note = f"Below the nominal share, the GP is overconfident; above it, too cautious.{_averaged(report)}"
     title = "Calibration: how often the target lies in the predicted interval"
     return sheet(title, heads, rows, labels=2, note=note)
 

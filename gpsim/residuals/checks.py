@@ -112,9 +112,9 @@ def check_varies(recording: Recording) -> None:
         column = int(constant[0])
         first, last = recording.episodes[0].name, recording.episodes[-1].name
         value = f"{rows[0, column] + 0.0:g}" if len(rows) else "absent"
-        more = "; a part that is held still on purpose needs a simulator without it (--simulator FILE.py:ClassName)"
+        more = "; a part that is held on purpose needs a simulator without it (--simulator FILE.py:ClassName)"
         if column >= len(recording.state):
-            more = ": a command that never changes teaches nothing"
+            more = ": a command that never changes gives no information"
         raise UsageError(
             f"channel {channels[column]} is constant ({value}) from episode {first}, row 0 to episode {last}, "
             f"row {len(recording.episodes[-1])}: check the sensor, or record data in which it moves{more}"

@@ -87,7 +87,7 @@ def notes(artifact: Artifact) -> list[str]:
     lines = [f"{int(table['certified'].sum())} of {len(table)} starts can be solved"]
     if "certified_in_arena" in table:
         inside = int(table["certified_in_arena"].sum())
-        lines.append(f"{inside} if the edge of the training arena ended an episode")
+        lines.append(f"{inside} if an episode ended at the edge of the training arena")
     return lines
 
 

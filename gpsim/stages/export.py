@@ -297,7 +297,7 @@ def export_diagnosis(
     if not found.effects:
         notes.append(f"no effect was found (verdict {found.verdict}): /corrected is the base")
     if body is None:
-        notes.append(f"numbers only: nobody knows the shape of {plant.simulator.name}, so no body is drawn")
+        notes.append(f"numbers only: the shape of {plant.simulator.name} is unknown, so no body is drawn")
     return out, notes
 
 

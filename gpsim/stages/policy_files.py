@@ -159,7 +159,7 @@ def _readable(folder: Path, what: str) -> Iterator[None]:
         yield
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         said = f"{type(error).__name__}: {error}"
-        raise UsageError(f"{folder}: not a {what} that this version reads: {said}") from error
+        raise UsageError(f"{folder}: not a {what} that this version can read: {said}") from error
 
 
 def write_curve(folder: Path, curve: LearningCurve) -> None:

@@ -63,7 +63,7 @@ def tracking_remarks(request: Request) -> list[str]:
     """Where event files lie and how they are looked at."""
     if not tracks(request):
         return []
-    return [f"event files of what was trained: tensorboard --logdir {request.store.shelf(FOLDER)}"]
+    return [f"event files of the training: tensorboard --logdir {request.store.shelf(FOLDER)}"]
 
 
 VARIANTS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Plant], tuple[str, ...]]] = {

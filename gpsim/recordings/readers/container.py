@@ -160,7 +160,7 @@ def expand_message(data: bytes) -> bytes:
     """One zstd-compressed message."""
     made, reason = _decompress(data, "zstd", MAX_MESSAGE)
     if len(made) > MAX_MESSAGE:
-        reason = f"a compressed message makes more than {MAX_MESSAGE} bytes"
+        reason = f"a compressed message expands to more than {MAX_MESSAGE} bytes"
     if reason is not None:
         raise DamageError(reason)
     return made
