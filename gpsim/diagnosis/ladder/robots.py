@@ -84,10 +84,11 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     for ratios in STIFFNESS if log.servos else ():
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
-    if (late := best.forces.late()) > 0.0:
-        best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
+    best = trials.better(best, best.later(), BETTER)
     with_bodies = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
-    best = trials.better(best, [fit for fit in with_bodies if fit.further], 1.0)
+    if any(fit.further for fit in with_bodies):
+        best = trials.better(best, [fit for fit in with_bodies if fit.further], 1.0)
+        best = trials.better(best, best.later(), BETTER)
     # A load in the place of a mass only where that is not enough; also of softer servos, which sag as much.
     begun = best
     for kinds, places in ((log.kinds, [begun]), (log.loads, dict.fromkeys([begun, plain]))):
@@ -438,13 +439,17 @@ class _Fit:
             more = min(found, key=lambda fit: fit.nats, default=best)
             if more.nats > best.nats - NAMED:
                 break
-            late = more.forces.late(more.further)
-            best = more.forces.fitted(late, more.further).holding(more.held)
+            best = more
         return best
 
     def beside(self, kind: Sequence[_Row]) -> _Fit:
         """The same, and more that may be off."""
         return self.forces.fitted(self.late, [*self.further, *kind]).holding(self.held)
+
+    def later(self) -> list[_Fit]:
+        """The same, or none, with commands that come as late as leaves the least of forces."""
+        late = self.forces.late(self.further)
+        return [self.forces.fitted(late, self.further).holding(self.held)] if late > 0.0 else []
 
     def agree_on(self, kind: Sequence[_Row]) -> bool:
         """Whether every block of the log says as much of a mass."""
