@@ -34,7 +34,10 @@ SETTLED = 12  # rounds of start states alone, which dry friction lets go but slo
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
-CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
+CRUMB, AS_BELIEVED = (
+    0.01,
+    0.03,
+)  # of a joint's usual force; of a ratio: so slight a row changes nothing that anyone knows
 OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
 PROBED = 3  # laws that are fitted of those that promise most
 
@@ -602,9 +605,9 @@ class Search:
 
 
 def _slight(law: Law, term: Term) -> bool:
-    """Whether a row makes less than a hundredth of what its joint is usually moved by, or of what it is a ratio of."""
+    """Whether a row makes less than a hundredth of what its joint is usually moved by, or is as good as believed."""
     place, (size, *_) = law.candidate.place, term.values.values()
     if law.is_ratio:
-        return abs(size - 1.0) < CRUMB
+        return abs(size - 1.0) < AS_BELIEVED
     usual = place.span / (place.speed if term.family == "viscous_friction" else 1.0)
     return term.family in ROWS and abs(size) < CRUMB * usual
