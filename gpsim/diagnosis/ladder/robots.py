@@ -88,6 +88,7 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     with_bodies = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
     if any(fit.further for fit in with_bodies):
         best = trials.better(best, [fit for fit in with_bodies if fit.further], 1.0)
+        best = trials.surest([best.again(forces) for forces in every])
         best = trials.better(best, best.later(), BETTER)
     # A load in the place of a mass only where that is not enough; also of softer servos, which sag as much.
     begun = best
