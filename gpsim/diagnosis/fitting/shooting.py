@@ -23,6 +23,9 @@ STATE_STEP = 1e-5  # of a channel's size: by which start states are moved to see
 STEP, STEP_OF_JUMPS = 1e-3, 0.03  # of a coordinate's scale: the same of parameters; of laws that jump
 STEP_OF_DRY = 0.01  # of a coordinate's scale, where dry friction stops bodies
 PATIENCE = 3  # rounds without a gain, each more cautious, after which start states alone stand
+ALONE = (
+    6  # steps of start states behind one of a robot's parameters: each is a tenth of a round's simulations
+)
 ATTEMPTS = 4  # steps of one round, each more cautious, before parameters stand still
 TOLERANCE = 0.1  # a round that gains less ends a fit [nats]
 OUTLYING = 4.0  # standard deviations beyond which a sample counts as one there, in absolute terms
@@ -237,7 +240,8 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                point, per_window = self.starts_alone(point, slopes, per_window)
+                for _ in range(ALONE if closed(self.problem.simulator) else 1):
+                    point, per_window = self.starts_alone(point, slopes, per_window)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > patience:

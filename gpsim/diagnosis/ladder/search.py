@@ -20,7 +20,7 @@ from gpsim.diagnosis.fitting import (
     unexplained,
 )
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
-from gpsim.diagnosis.ladder.laws import Law
+from gpsim.diagnosis.ladder.laws import SERVO_GAINS, Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.diagnosis.ladder.robots import ROWS, Sized
 from gpsim.effects import Scheme, Term, closed
@@ -127,7 +127,7 @@ class Search:
                 nothing = [p.none for p in law.candidate.declared]
                 values = known.values.get(law.candidate.identity, nothing)
                 hypothesis = hypothesis.plus(law.term(values), law.candidate.declared)
-            self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
+            begun = self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
             self.tell_noise()
         simulator = self.shooting.problem.simulator
         asked = {*(c.name for c in simulator.coordinates), *simulator.drives} if known else set[str]()
@@ -155,8 +155,21 @@ class Search:
             self.refit(FIRST_LOOK if self.dear else SETTLE)
             self.tell_noise()
         self.refit(1 if self.dear else CLOSE)
+        if known and not any(on.endswith(SERVO_GAINS) for _, on in known.values):
+            self._as_servos_are_believed(begun)
         if not self.dear:  # else `unusual` asks for them, beside what pays
             self._probe(jumps)
+
+    def _as_servos_are_believed(self, begun: Account) -> None:
+        """The same begun without any servo's gains, where that is better: together they make up for much."""
+        gains = [i for i, law in enumerate(begun.laws) if law.of_servo and not law.free]
+        if gains:
+            laws, plain = begun.without(gains)
+            point = self.shooting.at(plain, begun.fit.starts)
+            without = Account(laws, self.shooting.fit(point, SETTLE))
+            if self.score(without) < self.score(self.account):
+                self.say("is as believed", True, *(begun.laws[i].name for i in gains))
+                self.account = without
 
     def _all_alike(self, laws: Sequence[Law]) -> None:
         """The same delay or lag of all commands, while that pays: buses are late for all, rotors are of one kind."""
