@@ -238,8 +238,8 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                alone = ALONE if closed(self.problem.simulator) else 1
-                point, per_window = self.starts_alone(point, slopes, per_window, alone)
+                attempts = ALONE if closed(self.problem.simulator) else 1
+                point, per_window = self.starts_alone(point, slopes, per_window, attempts)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > patience:
