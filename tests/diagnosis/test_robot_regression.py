@@ -177,6 +177,16 @@ def test_a_body_that_is_heavier_is_told(tmp_path):
     check(sized, "viscous_friction", VISCOUS)
 
 
+def test_a_body_that_servos_move_is_told_by_their_forces(tmp_path):
+    """Stiff servos hide it: their motion hardly changes."""
+    rows = {"viscous": VISCOUS, "dry": (0.3, 0.15), "rotor": ROTOR}
+    sized = said_of(question_of(tmp_path, SERVOS, **rows, mass=1.12, late=0.01))
+    assert sized.values["parameter_offset", "lower.mass"] == pytest.approx((1.12,), rel=0.02)
+    assert {family for family, _ in sized.values} >= {"parameter_offset", "coulomb_friction"}
+    assert "payload" not in {family for family, _ in sized.values}
+    check(sized, "coulomb_friction", (0.3, 0.15), 0.2)
+
+
 def test_a_load_near_its_joint_is_told_by_its_first_moments(tmp_path):
     load = '<body pos="0.1 0 -0.05"><inertial pos="0 0 0" mass="0.3" diaginertia="1e-7 1e-7 1e-7"/></body>'
     sized = said_of(question_of(tmp_path, viscous=VISCOUS, load=load))

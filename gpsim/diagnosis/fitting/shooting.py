@@ -24,6 +24,7 @@ STEP, STEP_OF_JUMPS = 1e-3, 0.03  # of a coordinate's scale: the same of paramet
 STEP_OF_DRY = 0.01  # of a coordinate's scale, where dry friction stops bodies
 PATIENCE = 3  # rounds without a gain, each more cautious, after which start states alone stand
 ATTEMPTS = 4  # steps of one round, each more cautious, before parameters stand still
+ALONE = 6  # the same of start states of a robot: each costs a tenth of a round
 TOLERANCE = 0.1  # a round that gains less ends a fit [nats]
 OUTLYING = 4.0  # standard deviations beyond which a sample counts as one there, in absolute terms
 LIFTS = (-2.0, -1.0, 1.0, 2.0)  # standard deviations by which the height of what stands is moved
@@ -237,7 +238,8 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                point, per_window = self.starts_alone(point, slopes, per_window)
+                attempts = ALONE if closed(self.problem.simulator) else 1
+                point, per_window = self.starts_alone(point, slopes, per_window, attempts)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
             if still > patience:
@@ -266,14 +268,22 @@ class Shooting:
         return new, better
 
     def starts_alone(
-        self, point: Fit, slopes: Slopes, damping: FloatArray | float = 1e-6
+        self, point: Fit, slopes: Slopes, damping: FloatArray | float = 1e-6, attempts: int = 1
     ) -> tuple[Fit, FloatArray]:
-        """A step of the start states with the parameters held, kept window by window; and the windows' damping then."""
-        gram = slopes.gram(damping)
+        """A step of the start states with the parameters held, kept window by window; and the windows' damping then.
+
+        attempts: in how many, each more cautious, a window has to find one that is better.
+        """
         r = (point.residuals * self.noise.whitening).reshape(len(point.starts), -1)
-        step = np.linalg.solve(gram, slopes.by_start.transpose(0, 2, 1) @ r[:, :, None])[:, :, 0]
-        moved, better = self._where_better(point, point.starts + step)
-        return moved, np.where(better, np.maximum(damping / 5, 1e-9), np.minimum(damping * 10, 1e4))
+        pull = slopes.by_start.transpose(0, 2, 1) @ r[:, :, None]
+        done, cautious = np.zeros(len(point.starts), dtype=np.bool_), damping + np.zeros(len(point.starts))
+        for _ in range(attempts):
+            step = np.linalg.solve(slopes.gram(cautious), pull)[:, :, 0]
+            point, better = self._where_better(point, point.starts + np.where(done[:, None], 0.0, step))
+            less, more = np.maximum(cautious / 5, 1e-9), np.minimum(cautious * 10, 1e4)
+            cautious = np.where(better, less, np.where(done, cautious, more))
+            done |= better
+        return point, cautious
 
     def _lifted(self, point: Fit) -> Fit:
         """What stands begins a little higher or lower where that is better: no slope tells where a foot will touch."""

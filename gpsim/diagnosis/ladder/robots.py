@@ -39,6 +39,7 @@ BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usua
 SURE, DRY_ENOUGH = 2.0, 0.02  # deviations, and usual forces: with more friction a joint surely rubs
 PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
+BODIES, AGREED, NAMED = 2, 10.0, 5.0  # that are off at most; deviations of blocks, and nats, that say so
 GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
 DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
 ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
@@ -83,8 +84,12 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     for ratios in STIFFNESS if log.servos else ():
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
-    if (late := best.forces.late()) > 0.0:
-        best = trials.better(best, [best.forces.fitted(late).holding(best.held)], BETTER)
+    best = trials.better(best, best.later(), BETTER)
+    with_bodies = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
+    if any(fit.further for fit in with_bodies):
+        best = trials.better(best, [fit for fit in with_bodies if fit.further], 1.0)
+        best = trials.surest([best.again(forces) for forces in every])
+        best = trials.better(best, best.later(), BETTER)
     # A load in the place of a mass only where that is not enough; also of softer servos, which sag as much.
     begun = best
     for kinds, places in ((log.kinds, [begun]), (log.loads, dict.fromkeys([begun, plain]))):
@@ -134,10 +139,13 @@ class _Trials:
 
     def surest(self, fits: Sequence[_Fit]) -> _Fit:
         """Of those that are as good as the best the one that is least uncertain: bands differ in noise and in news."""
+        return min(self.good(fits), key=lambda fit: float(np.median(np.log(fit.deviations))))
+
+    def good(self, fits: Sequence[_Fit]) -> list[_Fit]:
+        """Those that are as good as the best."""
         best = self.each(min(fits, key=self.error))
         more = [self.each(fit) - best for fit in fits]
-        good = [fit for fit, e in zip(fits, more, strict=True) if e.mean() <= ALIKE + e.std() / len(e) ** 0.5]
-        return min(good, key=lambda fit: float(np.median(np.log(fit.deviations))))
+        return [fit for fit, e in zip(fits, more, strict=True) if e.mean() <= ALIKE + e.std() / len(e) ** 0.5]
 
     def better(self, fit: _Fit, others: Sequence[_Fit], share: float) -> _Fit:
         """The best of the others, where it misses less than this share of what the first one misses."""
@@ -204,8 +212,9 @@ class _Log:
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
         self.loads = [[_Row(c, -1, moment) for moment in range(7)] for c in loads]
         self.kinds = [motors, *masses] if motors and not self.servos else masses
+        self.bodies = [*masses, *self.loads]
         if len(system.positions) > len(coordinates):  # bodies of what floats are asked by rollouts
-            self.kinds, self.loads = [motors] if motors else [], []
+            self.kinds, self.loads, self.bodies = [motors] if motors else [], [], []
         own = [r for r in self.rows if r.kind == DRY and r.candidate.place.friction > 0.0]
         self.dry = np.zeros(len(coordinates))
         self.dry[[r.joint for r in own]] = [r.candidate.place.friction for r in own]
@@ -250,7 +259,7 @@ class _Forces:
         pushed = np.abs(self._heard(log.system.hindered(self.states).astype(np.float64))) > PUSHED
         self.counts = np.where(pushed, 0.0, np.where(moves, 1.0, STICKS))
         self.told, self._given = int((self.counts > 0).sum(axis=0).max()), dict[float, FloatArray]()
-        self._loads = dict[tuple[tuple[str, str], tuple[float, ...], float], FloatArray]()
+        self._loads, self._bodies = dict[object, FloatArray](), dict[_Row, FloatArray]()
 
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
@@ -278,9 +287,14 @@ class _Forces:
         return np.concatenate(out)
 
     @cached_property
+    def _none(self) -> FloatArray:
+        """(N, A): no commands."""
+        return 0.0 * self.commands(0.0)
+
+    @cached_property
     def takes(self) -> FloatArray:
         """(K, C): what the model takes for the motion where nothing is commanded."""
-        return self._lacking(0.0 * self.commands(0.0))
+        return self._lacking(self._none)
 
     def gives(self, late: float) -> FloatArray:
         """(K, C): what drives give beyond what the model takes, where commands come so late."""
@@ -305,32 +319,35 @@ class _Forces:
         if row.kind == LATE:
             more = self.log.dt / 4.0
             return np.asarray((self.gives(late - more) - self.gives(late + more)) / (2.0 * more))
-        if row.kind == LOAD:
-            return self._of_load(row, late)
-        mass = row.candidate.term((1.0 + OFF[MASS],))
-        return np.asarray((self._lacking(self.commands(late), mass) + self.gives(late)) / OFF[MASS])
+        if row not in self._bodies:
+            self._bodies[row] = self._of_body(row)
+        return self._bodies[row]
 
-    def _of_load(self, row: _Row, late: float) -> FloatArray:
-        """(K, C): what a kilogram takes at the origin of a body's frame; its odd and even part a metre along an axis.
+    def _of_body(self, row: _Row) -> FloatArray:
+        """(K, C): what all of a body's mass takes, or a kilogram at the origin of its frame; its moments a metre off.
 
-        It is linear in the mass, its first and its second moments, of which only the first change sign with the place.
+        A load's forces are linear in its mass, its first and its second moments, of which only the first change sign
+        with its place. What drives give does not depend on bodies.
         """
+        if row.kind == MASS:
+            return (self._lacking(self._none, row.candidate.term((1.0 + OFF[MASS],))) - self.takes) / OFF[
+                MASS
+            ]
         reach, at = row.candidate.place.reach, np.zeros(3)
-        middle = self._loaded(row.candidate, tuple(at), late)
         if not row.moment:
-            return middle
+            return self._loaded(row.candidate, at)
         at[(row.moment - 1) % 3] = reach
-        one, other = (self._loaded(row.candidate, tuple(place), late) for place in (at, -at))
-        odd, even = 0.5 * (one - other), 0.5 * (one + other) - middle
-        return np.asarray(odd / reach if row.order == 1 else even / reach**2)
+        one, other = (self._loaded(row.candidate, place) for place in (at, -at))
+        if row.order == 1:
+            return 0.5 * (one - other) / reach
+        return (0.5 * (one + other) - self._loaded(row.candidate, 0.0 * at)) / reach**2
 
-    def _loaded(self, load: Candidate, place: tuple[float, ...], late: float) -> FloatArray:
+    def _loaded(self, load: Candidate, place: FloatArray) -> FloatArray:
         """(K, C): what a kilogram takes at a place of a body's frame."""
-        key = load.identity, place, late
+        key = load.identity, tuple(place)
         if key not in self._loads:
             some = load.place.span
-            takes = self._lacking(self.commands(late), load.term((some, *place)))
-            self._loads[key] = (takes + self.gives(late)) / some
+            self._loads[key] = (self._lacking(self._none, load.term((some, *place))) - self.takes) / some
         return self._loads[key]
 
     def prior(self) -> FloatArray:
@@ -339,12 +356,13 @@ class _Forces:
         moved = np.sqrt((self.of_rows**2).sum(axis=1).mean(axis=0)) + 1e-12
         return np.asarray([ROWS[r.kind] * usual.get(r.joint, 1.0) for r in self.log.rows] / moved)
 
-    def late(self) -> float:
+    def late(self, more: Sequence[_Row] = ()) -> float:
         """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
         high, weights = min([LATEST, *(c.declared[0].high for c in self.log.late)]), self.counts
         scan = np.arange(0.0, high, max(STEP, self.log.dt / 2.0)) if self.log.late else np.zeros(1)
         nats = 0.5 * (scan / self.log.dt) ** 2 + (scan > 0.0) * (ENOUGH + 0.5 * np.log(NEWS * len(weights)))
-        basis = np.linalg.qr((self.of_rows * weights[:, :, None]).reshape(weights.size, -1))[0]
+        a = np.concatenate([self.of_rows, *(self.of(row, 0.0)[:, :, None] for row in more)], axis=2)
+        basis = np.linalg.qr((a * weights[:, :, None]).reshape(weights.size, -1))[0]
         for i, late in enumerate(scan):
             y = (self.gives(late) * weights).ravel()
             left = ((y - basis @ (basis.T @ y)).reshape(weights.shape) ** 2).sum(axis=0)
@@ -398,8 +416,46 @@ class _Fit:
 
     def again(self, forces: _Forces) -> _Fit:
         """The same asked of forces in another band."""
-        kind, stiff = [row for row in self.rows if row.kind in (GAIN, MASS, LOAD)], self.forces.stiff
-        return _Forces(forces.log, forces.band, stiff).fitted(self.late, kind).holding(self.held)
+        forces = _Forces(forces.log, forces.band, self.forces.stiff)
+        return forces.fitted(self.late, self.further).holding(self.held)
+
+    @property
+    def further(self) -> list[_Row]:
+        """What else is off."""
+        return [row for row in self.rows if row.kind in (GAIN, MASS, LOAD)]
+
+    @cached_property
+    def nats(self) -> float:
+        """What is left of forces, as a code length, and half a logarithm of news for each number beside the rows."""
+        news = NEWS * (self.forces.counts**2).sum(axis=0)
+        return 0.5 * float(news @ np.log(self.left) + len(self.further) * np.log(news.mean()))
+
+    def with_bodies(self) -> _Fit:
+        """The same with the bodies that forces find to be off, one by one, where all blocks agree on how much."""
+        best = self
+        for _ in range(BODIES):
+            asked = [kind for kind in best.forces.log.bodies if kind[0] not in best.rows]
+            every = [best.beside(kind) for kind in asked]
+            found = [fit for fit, kind in zip(every, asked, strict=True) if fit.agree_on(kind)]
+            more = min(found, key=lambda fit: fit.nats, default=best)
+            if more.nats > best.nats - NAMED:
+                break
+            best = more
+        return best
+
+    def beside(self, kind: Sequence[_Row]) -> _Fit:
+        """The same, and more that may be off."""
+        return self.forces.fitted(self.late, [*self.further, *kind]).holding(self.held)
+
+    def later(self) -> list[_Fit]:
+        """The same, or none, with commands that come as late as leaves the least of forces."""
+        late = self.forces.late(self.further)
+        return [self.forces.fitted(late, self.further).holding(self.held)] if late > 0.0 else []
+
+    def agree_on(self, kind: Sequence[_Row]) -> bool:
+        """Whether every block of the log says as much of a mass."""
+        i, (low, high) = self.rows.index(kind[0]), kind[0].bounds
+        return bool(low < self.sizes[i] < high and abs(self.sizes[i]) > AGREED * self.deviations[i])
 
     @cached_property
     def values(self) -> dict[tuple[str, str], tuple[tuple[float, ...], tuple[float, ...]]]:

@@ -20,7 +20,7 @@ from gpsim.diagnosis.fitting import (
     unexplained,
 )
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
-from gpsim.diagnosis.ladder.laws import Law
+from gpsim.diagnosis.ladder.laws import SERVO_GAINS, Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
 from gpsim.diagnosis.ladder.robots import ROWS, Sized
 from gpsim.effects import Scheme, Term, closed
@@ -34,7 +34,10 @@ SETTLED = 12  # rounds of start states alone, which dry friction lets go but slo
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
-CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
+CRUMB, AS_BELIEVED = (
+    0.01,
+    0.03,
+)  # of a joint's usual force; of a ratio: so slight a row changes nothing that anyone knows
 OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
 PROBED = 3  # laws that are fitted of those that promise most
 
@@ -124,7 +127,7 @@ class Search:
                 nothing = [p.none for p in law.candidate.declared]
                 values = known.values.get(law.candidate.identity, nothing)
                 hypothesis = hypothesis.plus(law.term(values), law.candidate.declared)
-            self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
+            begun = self.account = Account(laws, self.shooting.at(hypothesis, self.account.fit.starts))
             self.tell_noise()
         simulator = self.shooting.problem.simulator
         asked = {*(c.name for c in simulator.coordinates), *simulator.drives} if known else set[str]()
@@ -152,8 +155,21 @@ class Search:
             self.refit(FIRST_LOOK if self.dear else SETTLE)
             self.tell_noise()
         self.refit(1 if self.dear else CLOSE)
+        if known and not any(on.endswith(SERVO_GAINS) for _, on in known.values):
+            self._as_servos_are_believed(begun)
         if not self.dear:  # else `unusual` asks for them, beside what pays
             self._probe(jumps)
+
+    def _as_servos_are_believed(self, begun: Account) -> None:
+        """The same begun without any servo's gains, where that is better: together they make up for much."""
+        gains = [i for i, law in enumerate(begun.laws) if law.of_servo and not law.free]
+        if gains:
+            laws, plain = begun.without(gains)
+            point = self.shooting.at(plain, begun.fit.starts)
+            without = Account(laws, self.shooting.fit(point, SETTLE))
+            if self.score(without) < self.score(self.account):
+                self.say("is as believed", True, *(begun.laws[i].name for i in gains))
+                self.account = without
 
     def _all_alike(self, laws: Sequence[Law]) -> None:
         """The same delay or lag of all commands, while that pays: buses are late for all, rotors are of one kind."""
@@ -606,9 +622,9 @@ class Search:
 
 
 def _slight(law: Law, term: Term) -> bool:
-    """Whether a row makes less than a hundredth of what its joint is usually moved by, or of what it is a ratio of."""
+    """Whether a row makes less than a hundredth of what its joint is usually moved by, or is as good as believed."""
     place, (size, *_) = law.candidate.place, term.values.values()
     if law.is_ratio:
-        return abs(size - 1.0) < CRUMB
+        return abs(size - 1.0) < AS_BELIEVED
     usual = place.span / (place.speed if term.family == "viscous_friction" else 1.0)
     return term.family in ROWS and abs(size) < CRUMB * usual
