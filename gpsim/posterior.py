@@ -18,7 +18,7 @@ from gpsim.corrected import Drawable, EffectsPlant, PosteriorPlant, Size, Spread
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, mean_squares
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.effects import EffectParameter, Term, base_name, from_json, own_name, owner_of, to_json
 from gpsim.errors import UsageError
 from gpsim.findings import NamedEffect
@@ -196,7 +196,7 @@ def _explanation(
     return Explanation(hypothesis, probability, every[np.ix_(kept, kept)], ends)
 
 
-def visited_of(question: Question) -> Visited:
+def visited_of(question: PreparedProblem) -> Visited:
     """Where its recording has been."""
     recording, names = question.recording, question.whole.state.names
     own = {name: i for i, name in enumerate(recording.state.names)}

@@ -194,7 +194,7 @@ WARNINGS = "warnings.json"
 """A file of an artifact, there only where something went wrong: a list of lines."""
 
 
-class Mishaps:
+class WarningLog:
     """Lines about what went wrong, in the order in which it did."""
 
     def __init__(self, lines: Iterable[str] = ()) -> None:

@@ -10,15 +10,15 @@ import numpy as np
 from gpsim.diagnosis.assessment import (
     Comparison,
     by_recording,
-    combinations,
     depends_on,
+    design_experiment,
     estimates,
+    identifiable_combinations,
     locate,
-    tell_apart,
 )
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
-from gpsim.diagnosis.setup import Question, not_asked
+from gpsim.diagnosis.setup import PreparedProblem, not_asked
 from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
 from gpsim.findings import (
     Alternative,
@@ -59,7 +59,7 @@ class Answer:
     curves: Mapping[tuple[str, str, str], MeasuredCurve] = field(default_factory=dict)
 
 
-def account(question: Question, answer: Answer) -> Diagnosis:
+def account(question: PreparedProblem, answer: Answer) -> Diagnosis:
     """The result: facts alone, what a person would say of them is made in reports."""
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
@@ -80,7 +80,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
         ),
         tell_apart=None,
-        discrimination=tell_apart(problem, judgement) if rivalled else None,
+        discrimination=design_experiment(problem, judgement) if rivalled else None,
         fit=HeldOutFit(held_out, comparison.one_step, comparison.rollout, box),
         remainder=remainder,
         integration=leader.hypothesis.scheme,
@@ -90,7 +90,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
         not_asked=not_asked(question),
-        combinations=_called(question, combinations(problem, leader, judgement.rivals)),
+        combinations=_called(question, identifiable_combinations(problem, leader, judgement.rivals)),
         ranking=tuple(tried.entry for tried in judgement.ranking[:MOST_TOLD]),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
@@ -120,7 +120,7 @@ def _remainder(problem: Problem, answer: Answer) -> Remainder:
 
 
 def _effects(
-    question: Question,
+    question: PreparedProblem,
     answer: Answer,
     found: Fit,
     probability: float,
@@ -181,7 +181,7 @@ def _acts_in(problem: Problem, term: Term) -> float:
 
 
 def _parted(
-    question: Question, known: Mapping[str, Estimate]
+    question: PreparedProblem, known: Mapping[str, Estimate]
 ) -> tuple[dict[str, Estimate], dict[str, dict[str, Estimate]]]:
     """The parameters that recordings share, and recording -> its own; where none is shared, the first one's own."""
     shared = {name: e for name, e in known.items() if owner_of(name) is None}
@@ -193,7 +193,7 @@ def _parted(
     return shared or dict(next(iter(own.values()), {})), own
 
 
-def _called(question: Question, found: Sequence[Combination]) -> tuple[Combination, ...]:
+def _called(question: PreparedProblem, found: Sequence[Combination]) -> tuple[Combination, ...]:
     """Combinations of parameters, each of them called by the recording whose own it is."""
     sources = question.recording.sources
 

@@ -22,7 +22,7 @@ from gpsim.diagnosis.judging import (
 )
 from gpsim.diagnosis.ladder import Climbed, climb
 from gpsim.diagnosis.run import Decision, Run
-from gpsim.diagnosis.setup import Question, offers_of, prepare
+from gpsim.diagnosis.setup import PreparedProblem, offers_of, prepare
 from gpsim.effects import Scheme, closed
 from gpsim.findings import Diagnosis, Score
 from gpsim.recordings import Recording
@@ -43,7 +43,7 @@ class Outcome:
     plant: EffectsPlant
     judgement: Judgement
     comparison: Comparison
-    question: Question
+    question: PreparedProblem
     decisions: tuple[Decision, ...]
 
     def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
@@ -113,7 +113,7 @@ def _answer(
     return Answer(verdict, judgement, attribution, comparison, forms, sizes, doubts, curves)
 
 
-def _withheld(question: Question, judgement: Judgement) -> Judgement:
+def _withheld(question: PreparedProblem, judgement: Judgement) -> Judgement:
     """The judgement of the base alone, where the leader is not worth telling."""
     null = fit(
         question.everything, Hypothesis(scheme=judgement.null.hypothesis.scheme), judgement.null.starts
@@ -139,7 +139,7 @@ def _scheme(recording: Recording, simulator: Simulator) -> Scheme:
     return recording.integrator  # type: ignore[return-value]  # `prepare` has checked it
 
 
-def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPlant:
+def _corrected(question: PreparedProblem, judgement: Judgement, dt: float) -> EffectsPlant:
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
     if question.recording.sources:  # the machine as it is in the last one

@@ -18,7 +18,7 @@ from gpsim.effects.brought import (
     standing,
 )
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
-from gpsim.effects.closed_step import ClosedStep, closed
+from gpsim.effects.closed_step import BlackBoxStepper, closed
 from gpsim.effects.effect import (
     RISE,
     ActuatorEffect,
@@ -83,11 +83,11 @@ __all__ = [
     "ActuatorEffect",
     "ActuatorLag",
     "Axis",
+    "BlackBoxStepper",
     "BristleEffect",
     "Brought",
     "Chain",
     "Check",
-    "ClosedStep",
     "Curve",
     "DriveEffect",
     "Effect",

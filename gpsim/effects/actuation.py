@@ -107,7 +107,7 @@ class Actuation:
         return any(self.terms[i].gate.region for i, _, _ in self._effects)
 
     @cached_property
-    def leaps(self) -> bool:
+    def zero_order_hold_exact(self) -> bool:
         """Whether whole control steps take commands to where a fine grid does: each effect is exact for a held one."""
         ways = [[e for _, e, column in self._effects if column == c] for _, _, c in self._effects]
         gated = any(self.terms[i].gate for i, _, _ in self._effects)

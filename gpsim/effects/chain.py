@@ -12,7 +12,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects import elastic
 from gpsim.effects.actuation import Actuation, Grid, blended
-from gpsim.effects.closed_step import ClosedStep, closed
+from gpsim.effects.closed_step import BlackBoxStepper, closed
 from gpsim.effects.effect import DriveEffect, ElasticDrive, ParameterEffect, RateEffect, Values, VehicleEffect
 from gpsim.effects.forces import Forces, Instant, bend_key
 from gpsim.effects.sensors import Sensors
@@ -36,13 +36,13 @@ class Chain:
     dt: float
 
     @cached_property
-    def closed(self) -> ClosedStep | None:
+    def closed(self) -> BlackBoxStepper | None:
         """The simulator as one that owns its integration; None where `advance` integrates its rates."""
         return closed(self.simulator)
 
     def rolled(
         self,
-        closed_step: ClosedStep,
+        closed_step: BlackBoxStepper,
         state: FloatArray,
         commands: FloatArray,
         values: Sequence[Values],
@@ -51,7 +51,7 @@ class Chain:
         extra: FloatArray | None = None,
         bends: Memory | None = None,
     ) -> FloatArray:
-        """(B, K, S): the states after each of K substeps of `step` (B,) s, commands (B, K, A); see `ClosedStep`."""
+        """(B, K, S): the states after each of K substeps of `step` (B,) s, commands (B, K, A): `BlackBoxStepper`."""
         return closed_step.rolled(self.terms, self.parameters, values, state, commands, step, t, extra, bends)
 
     @cached_property

@@ -12,7 +12,7 @@ from gpsim.simulators import Memory, Simulator
 
 
 @runtime_checkable
-class ClosedStep(Protocol):
+class BlackBoxStepper(Protocol):
     """What a chain needs of a simulator whose step it cannot take apart (MuJoCo's).
 
     Effects on commands and on sensors stay the chain's; all others the simulator takes as terms.
@@ -106,6 +106,6 @@ class ClosedStep(Protocol):
         ...
 
 
-def closed(simulator: Simulator) -> ClosedStep | None:
+def closed(simulator: Simulator) -> BlackBoxStepper | None:
     """The simulator as one that owns its integration, or None."""
-    return simulator if isinstance(simulator, ClosedStep) else None
+    return simulator if isinstance(simulator, BlackBoxStepper) else None

@@ -142,7 +142,7 @@ class ForceEffect(Effect):
             return None
         return _as_many(self.ask(values, q=position, speed=speed), speed)
 
-    def grip(
+    def friction_limit(
         self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
     ) -> FloatArray | None:
         """(B,) the largest dry friction force, which opposes motion and holds a body at rest; None when there is none.

@@ -147,7 +147,7 @@ class Forces:
         for i, effect, on in self._effects:
             if on == coordinate:
                 presses = self._command(coordinate, at) if effect.loaded_by_command else load
-                most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], presses)
+                most = effect.friction_limit(at.state[:, position], at.state[:, velocity], values[i], presses)
                 if most is not None:
                     total += most * at.shares[i] if i in at.shares else most
         return total

@@ -196,7 +196,7 @@ class ForceCurve(Measured, ForceEffect):
             return None
         return np.asarray(values[SCALE] * self.shape.at(position if self.variant == POSITION else speed))
 
-    def grip(
+    def friction_limit(
         self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
     ) -> FloatArray | None:
         """The curve, which is how much friction there is; of what rests the mean of both directions."""

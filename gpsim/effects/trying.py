@@ -95,7 +95,9 @@ def _asked(effect: Effect, rng: np.random.Generator) -> tuple[list[FloatArray], 
 def _force(effect: ForceEffect, inputs: Sequence[FloatArray], values: Values) -> FloatArray:
     position, speed = inputs
     found = (
-        effect.grip(position, speed, values, None) if effect.dry else effect.force(position, speed, values)
+        effect.friction_limit(position, speed, values, None)
+        if effect.dry
+        else effect.force(position, speed, values)
     )
     assert found is not None
     return found

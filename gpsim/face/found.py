@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpsim.artifacts import Artifact, Mishaps, Recipe, Store, read_artifact
+from gpsim.artifacts import Artifact, Recipe, Store, WarningLog, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features
 from gpsim.diagnosis import Diagnosis, Outcome
@@ -54,7 +54,7 @@ class Made:
     @cached_property
     def pictures(self) -> Mapping[str, Picture]:
         """Those that can be drawn."""
-        return diagnosis_files.drawn(self.result, self.outcome, Mishaps())
+        return diagnosis_files.drawn(self.result, self.outcome, WarningLog())
 
     @property
     def left_open(self) -> LeftOpen:

@@ -161,7 +161,7 @@ def wrapped(angle: float) -> float:
 
 
 @compiled
-def tamed(x: float) -> float:
+def clip_diverged(x: float) -> float:
     """A state that may have diverged, within FAR."""
     return FAR if x != x else min(max(x, -FAR), FAR)
 

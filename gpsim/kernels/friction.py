@@ -35,7 +35,7 @@ from gpsim.kernels.lanes import (
     R,
     U,
 )
-from gpsim.kernels.laws import force, grip
+from gpsim.kernels.laws import force, friction_limit
 from gpsim.kernels.systems import mobility, normal_force, rates, turning
 
 ROUNDS, EXACT = 60, 1e-12
@@ -260,7 +260,7 @@ def look_at(b: FloatArray, lanes: int, on: int, fine: bool) -> None:
 
 
 @compiled
-def rub(
+def apply_friction(
     b: FloatArray,
     lanes: int,
     layout: IntArray,
@@ -297,7 +297,7 @@ def rub(
         for i in range(LANES):
             b[MOST + i] = 0.0
         for n in range(first, last):
-            grip(b, lanes, terms, n, v, shares, loaded, curves, knots)
+            friction_limit(b, lanes, terms, n, v, shares, loaded, curves, knots)
     if loaded:
         for i in range(lanes):
             most = b[BEFORE + i]
@@ -350,5 +350,5 @@ def rub_all(
         last = first + 1
         while last < layout[codes.PARAMETERS] and terms[last, codes.ON] == terms[first, codes.ON]:
             last += 1
-        rub(b, lanes, layout, terms, curves, knots, v, shares, first, last)
+        apply_friction(b, lanes, layout, terms, curves, knots, v, shares, first, last)
         first = last

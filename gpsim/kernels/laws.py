@@ -170,7 +170,7 @@ def force(
 
 
 @compiled
-def grip(
+def friction_limit(
     b: FloatArray,
     lanes: int,
     terms: IntArray,

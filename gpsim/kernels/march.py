@@ -7,7 +7,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels import codes
 from gpsim.kernels.acting import pass_on
-from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry, place, tamed
+from gpsim.kernels.compiling import F1, F2, F3, I1, I2, clip_diverged, compiled, entry, place
 from gpsim.kernels.lanes import AHEAD, BEGAN, BENT, LANES, SIZE, TOGETHER, H, T, U, X
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
@@ -29,7 +29,7 @@ def tame(b: FloatArray, lanes: int) -> None:
     """States that may have diverged, within bounds."""
     for c in range(4):
         for i in range(lanes):
-            b[X + c * LANES + i] = tamed(b[X + c * LANES + i])
+            b[X + c * LANES + i] = clip_diverged(b[X + c * LANES + i])
 
 
 @compiled

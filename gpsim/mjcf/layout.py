@@ -95,7 +95,7 @@ class Layout:
             moved[:, :, v + 3 : v + 6] = [turned_by(quat[0], slope) for slope in quat[1:]]
         return self.state(every[0], moved[0]), moved[1]
 
-    def gap(self, measured: FloatArray, said: FloatArray, plain: FloatArray) -> FloatArray:
+    def state_error(self, measured: FloatArray, said: FloatArray, plain: FloatArray) -> FloatArray:
         """(..., S): `plain` with what lies between two quaternions: how their lengths differ, and the half angle.
 
         The imaginary part of said^-1 measured, the shorter way round: the same for q and -q. To first order it is half

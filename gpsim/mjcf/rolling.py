@@ -89,7 +89,7 @@ class Rolling:
     axes: Mapping[str, Axis]
 
     def rolled(self, asked: Asked, strained: Memory | None = None) -> FloatArray:
-        """(B, K, S): see `gpsim.effects.ClosedStep`."""
+        """(B, K, S): see `gpsim.effects.BlackBoxStepper`."""
         out = np.empty((*asked.commands.shape[:2], self.layout.size))
         for rows, lasting in self._alike(asked):
             shares = {i: share[rows] for i, share in lasting.items()}
@@ -215,7 +215,7 @@ class Rolling:
                 if effect.loaded_by_command:
                     motors = self.body.motors[on]
                     load = np.abs(given(self.body.model, motors, at.command, where, speed, known))
-                grip = effect.grip(where, speed, values[i], load)
+                grip = effect.friction_limit(where, speed, values[i], load)
                 if grip is not None:
                     add_friction(fields, dof, share * grip)
 

@@ -134,7 +134,7 @@ class MjcfSimulator(Simulator):
         return out
 
     def rest(self, count: int) -> Memory:
-        """See `gpsim.effects.ClosedStep`: activations."""
+        """See `gpsim.effects.BlackBoxStepper`: activations."""
         acts = self.body.activations
         return {KEY: acts.rest(count)} if acts else {}
 
@@ -146,7 +146,7 @@ class MjcfSimulator(Simulator):
         steps: FloatArray,
         commanded: FloatArray,
     ) -> Memory:
-        """See `gpsim.effects.ClosedStep`."""
+        """See `gpsim.effects.BlackBoxStepper`."""
         acts, model, names = self.body.activations, self.body.model, self.body.names
         begun = np.zeros((len(first), len(acts.actuators)))
         for k in np.flatnonzero(acts.follows):
@@ -161,7 +161,7 @@ class MjcfSimulator(Simulator):
         return {KEY: acts.after(commands, np.where(known, steps, 0.0), level)[0]}
 
     def acting(self, actions: FloatArray, t: FloatArray) -> FloatArray:
-        """See `gpsim.effects.ClosedStep`."""
+        """See `gpsim.effects.BlackBoxStepper`."""
         acts, out = self.body.activations, np.array(actions)
         if acts and len(actions):
             first = np.where(acts.integrates, 0.0, acts.held(actions[:1]))
@@ -205,9 +205,9 @@ class MjcfSimulator(Simulator):
         """How many of the model's own steps a transition of dt [s] takes."""
         return max(1, int(np.ceil(dt / self.own_step - WHOLE)))
 
-    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+    def state_error(self, measured: FloatArray, said: FloatArray) -> FloatArray:
         """(..., S): what lies between; of a free joint's orientation in the tangent space."""
-        return self.layout.gap(measured, said, difference(measured, said, self.state))
+        return self.layout.state_error(measured, said, difference(measured, said, self.state))
 
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
@@ -249,7 +249,7 @@ class MjcfSimulator(Simulator):
         parameters: Parameters,
         terms: Sequence[Term] = (),
     ) -> FloatArray:
-        """(B, C): see `gpsim.effects.ClosedStep`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
+        """(B, C): `gpsim.effects.BlackBoxStepper`; MuJoCo's inverse dynamics less actuation, where nothing touches."""
         plan, found = Plan(self.body, tuple(terms), _numbers(parameters)), []
         every = zip(parts(len(state)), self._looked(state, action, parameters, plan=plan), strict=True)
         for rows, (acc, pool) in every:
@@ -416,7 +416,7 @@ class MjcfSimulator(Simulator):
         extra: FloatArray | None = None,
         strained: Memory | None = None,
     ) -> FloatArray:
-        """(B, K, S): see `gpsim.effects.ClosedStep`."""
+        """(B, K, S): see `gpsim.effects.BlackBoxStepper`."""
         plan = Plan(self.body, tuple(terms), parameters)
         return self._rolling.rolled(Asked(self, plan, values, state, commands, step, t, extra), strained)
 

@@ -58,7 +58,7 @@ def nothing_played(models: Sequence[Model]) -> Sums:
 
 def summed(models: Sequence[Model], said: Sequence[FloatArray], noise: FloatArray) -> Sums:
     """Of what each model says (C, E, L + 1, S); noise (S,), infinite where nothing is measured."""
-    gap, courses, slopes = models[0].machine.simulator.gap, [s[0] for s in said], []
+    gap, courses, slopes = models[0].machine.simulator.state_error, [s[0] for s in said], []
     for model, one in zip(models, said, strict=True):
         moved = gap(one[1 : 1 + model.size], one[:1]) / noise
         flat = moved.reshape(model.size, moved.shape[1], -1) / model.nudges[:, None, None]

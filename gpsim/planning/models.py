@@ -71,13 +71,13 @@ class Around:
             for k in range(steps):
                 seen = said[:, k] + noise * rng.standard_normal(state.shape) if noise.any() else said[:, k]
                 last = self.command(seen, np.tile(dithers[:, k], (copies, 1)), last)
-                state = _tamed(plant.step(state, last, memory, rng))
-                true[:, k + 1], said[:, k + 1] = state, _tamed(plant.measure(state, memory, rng))
+                state = _clip_diverged(plant.step(state, last, memory, rng))
+                true[:, k + 1], said[:, k + 1] = state, _clip_diverged(plant.measure(state, memory, rng))
         shape = (copies, several, steps + 1, -1)
         return said.reshape(shape), true.reshape(shape)
 
 
-def _tamed(state: FloatArray) -> FloatArray:
+def _clip_diverged(state: FloatArray) -> FloatArray:
     return np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
 
 

@@ -178,7 +178,7 @@ class Simulator(ABC):
         """The same without the states `fixed`, from a simulator that makes it itself; else None (see `reduced`)."""
         return None
 
-    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+    def state_error(self, measured: FloatArray, said: FloatArray) -> FloatArray:
         """(..., S): measured states minus simulated ones; in the tangent space where they lie on a curved one."""
         return difference(measured, said, self.state)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gpsim.artifacts import Mishaps
+from gpsim.artifacts import WarningLog
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose
@@ -97,7 +97,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
     """The result (two JSON files), then what it leaves open, the Gaussian process, pictures, page; what went wrong."""
     from gpsim.reports.diagnosis_page import page  # here, as in `drawn`: it draws
 
-    mishaps = Mishaps(found.comparison.mishaps)
+    mishaps = WarningLog(found.comparison.mishaps)
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
     lines = [json.dumps(plain(asdict(decision))) for decision in found.decisions]
@@ -152,7 +152,7 @@ def read_trace(folder: Path) -> list[Decision]:
     ]
 
 
-def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
+def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: WarningLog) -> Mapping[str, Picture]:
     """Name -> picture, of those that can be drawn."""
     # Here: who calls from Python and draws nothing need not wait a second for Matplotlib.
     from gpsim.reports.diagnosis_figures import account_figures, figures

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Mishaps, Recipe
+from gpsim.artifacts import Artifact, Recipe, WarningLog
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import path_length
@@ -95,7 +95,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     evaluation = {"experiment": request.config["experiment"], "deployed": plain(summary)}
     write_json(folder / "evaluation.json", evaluation)
     (folder / "figures").mkdir()
-    mishaps = Mishaps()
+    mishaps = WarningLog()
     with mishaps.contained("figures/deployed.png is left out"):
         figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
         (folder / "figures" / "deployed.png").write_bytes(png(figure))

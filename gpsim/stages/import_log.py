@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
+from gpsim.artifacts import Artifact, Recipe, Store, WarningLog
 from gpsim.errors import UsageError, near_path
 from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
@@ -175,7 +175,7 @@ def write_import(recording: Recording, report: ImportReport, folder: Path) -> No
     write_recording(recording, folder)
     (folder / "import_report.txt").write_text(as_text(report), encoding="utf-8")
     (folder / "figures").mkdir()
-    mishaps, figure = Mishaps(), folder / "figures" / "channels.png"
+    mishaps, figure = WarningLog(), folder / "figures" / "channels.png"
     with mishaps.contained("figures/channels.png is left out"):
         from gpsim.reports.import_figure import (
             draw_channels,  # Matplotlib: who draws nothing need not wait for it

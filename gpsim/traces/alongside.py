@@ -13,7 +13,7 @@ from gpsim.diagnosis.assessment import Model, posed
 from gpsim.diagnosis.data import cut
 from gpsim.diagnosis.fitting import Hypothesis, predicted
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.setup import Completions, Question
+from gpsim.diagnosis.setup import Completions, PreparedProblem
 from gpsim.recordings import Recording
 
 AT_ONCE = 2000  # windows that are simulated together: memory, no answer
@@ -94,7 +94,9 @@ def _as_it_was(model: Model, plant: EffectsPlant | None) -> Model:
     return replace(model, hypothesis=hypothesis)
 
 
-def _along(question: Question, completions: Completions, model: Model, length: int) -> tuple[Along, ...]:
+def _along(
+    question: PreparedProblem, completions: Completions, model: Model, length: int
+) -> tuple[Along, ...]:
     """A model along every episode, as it completes them, in rollouts of so many transitions, some at a time."""
     problem, state = question.everything, question.everything.simulator.state
     seen = np.array([name not in question.hidden for name in state.names])

@@ -16,7 +16,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.data import Windows, at, stretches
 from gpsim.diagnosis.fitting import Hypothesis, predicted
-from gpsim.diagnosis.setup import Completions, Question
+from gpsim.diagnosis.setup import Completions, PreparedProblem
 from gpsim.recordings import Recording, evenly
 from gpsim.traces.pictured import models_of
 
@@ -51,7 +51,7 @@ class Response:
         return np.asarray(self.coherences[MEASURED] >= COHERENT)
 
 
-def frequency(question: Question, leader: Hypothesis) -> Response | None:
+def frequency(question: PreparedProblem, leader: Hypothesis) -> Response | None:
     """Of the pair that is coherent over the widest band, over the whole recording; None where none is over a decade."""
     recording, problem, models = question.recording, question.everything, models_of(question, leader)
     places, length = _segments(recording)

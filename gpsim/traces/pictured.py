@@ -13,7 +13,7 @@ import numpy as np
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, shortest
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
-from gpsim.diagnosis.setup import Question, completed, smoothed
+from gpsim.diagnosis.setup import PreparedProblem, completed, smoothed
 from gpsim.effects import PRE_ROLL
 from gpsim.recordings import Episode, HeldOut, evenly
 
@@ -81,7 +81,7 @@ class _Stretch:
     begin: float
 
 
-def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
+def traces(question: PreparedProblem, leader: Hypothesis, horizon: float) -> Traces:
     """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
     length = max(2, round(horizon / question.recording.dt))
     stretches, held_out = _stretches(question, length)
@@ -107,7 +107,7 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     return Traces(shown, length * question.recording.dt, held_out, made)
 
 
-def course(question: Question, leader: Hypothesis) -> Course:
+def course(question: PreparedProblem, leader: Hypothesis) -> Course:
     """Where in the recording the base is off, in the channel in which that stands out most from the noise."""
     problem, sizes = question.everything, {}
     for kind, model in models_of(question, leader).items():
@@ -126,13 +126,13 @@ def course(question: Question, leader: Hypothesis) -> Course:
     )
 
 
-def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
+def models_of(question: PreparedProblem, leader: Hypothesis) -> dict[str, Hypothesis]:
     """What is compared: the base simulator with its own step, and with the effects, where there are any."""
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
     return {BASE: base, EFFECTS: leader} if leader.terms else {BASE: base}
 
 
-def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
+def _stretches(question: PreparedProblem, length: int) -> tuple[list[_Stretch], bool]:
     """Held-out episodes, or what is held out of them, in parts of so many rollouts at most, evenly spread."""
     recording, settings = question.recording, question.everything.run.settings
     windows = cut(recording, settings.windows, length, most=MOST_CUT)
@@ -158,7 +158,7 @@ def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
 
 
 def _rolled(
-    question: Question, stretches: Sequence[_Stretch], model: Hypothesis, length: int
+    question: PreparedProblem, stretches: Sequence[_Stretch], model: Hypothesis, length: int
 ) -> tuple[Windows, FloatArray]:
     """The stretches in windows of the horizon (their `episode` is the stretch), and what the model says in them.
 
@@ -202,7 +202,7 @@ def _squares(problem: Problem, windows: Windows, said: FloatArray) -> tuple[Floa
 
 
 def _trace(
-    question: Question,
+    question: PreparedProblem,
     stretch: _Stretch,
     place: str,
     index: int,

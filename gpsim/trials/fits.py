@@ -28,7 +28,7 @@ from gpsim.diagnosis import score
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Noise, Problem, Shooting, fit
 from gpsim.diagnosis.ladder import Law, Offers, laws_of
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Settings
-from gpsim.diagnosis.setup import Question, candidates, prepare, spread_out
+from gpsim.diagnosis.setup import PreparedProblem, candidates, prepare, spread_out
 from gpsim.effects import Gate, closed
 from gpsim.files import plain, write_json, written_whole
 from gpsim.mjcf import in_its_columns, open_simulator
@@ -226,7 +226,7 @@ def rollouts_over_truth(
     }
 
 
-def _plant(question: Question, hypothesis: Hypothesis, dt: float) -> EffectsPlant:
+def _plant(question: PreparedProblem, hypothesis: Hypothesis, dt: float) -> EffectsPlant:
     """What is driven: the simulator with these effects."""
     system, problem = closed(question.whole), question.everything
     steps = math.ceil(problem.substeps / question.thinned) if system is None else system.steps_of(dt)

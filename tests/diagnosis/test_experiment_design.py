@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.experiment_design import _amplitudes, tell_apart
+from gpsim.diagnosis.assessment.experiment_design import _amplitudes, design_experiment
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
@@ -58,7 +58,7 @@ def test_every_rival_that_is_reported_is_told_apart(problem):
     )
     noise = np.array([0.001, 0.01])
     judgement = SimpleNamespace(verdict="ambiguous", leader=leader, rivals=rivals, noise=noise)
-    found = tell_apart(problem, judgement)
+    found = design_experiment(problem, judgement)
     told = [claims for recording in found.recordings for claims in recording.explanations]
     told += [claims for pair in found.inseparable for claims in pair]
     assert set(told) == {((family, on.get(family, "q")),) for family, _ in laws}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from gpsim.cli.main import main
 
-from gpsim.artifacts import Mishaps, read_artifact, read_warnings
+from gpsim.artifacts import WarningLog, read_artifact, read_warnings
 from gpsim.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.judging import attribute
@@ -129,17 +129,17 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     "error", [UsageError("yours"), OSError(errno.ENOSPC, "no space left on device"), KeyboardInterrupt()]
 )
 def test_what_is_the_users_to_mend_ends_the_program(error):
-    mishaps = Mishaps()
+    mishaps = WarningLog()
     with pytest.raises(type(error)), mishaps.contained("a picture"):
         raise error
     assert not mishaps.lines
 
 
 def test_another_error_is_a_line_and_none_leaves_no_file(tmp_path):
-    mishaps = Mishaps(["before"])
+    mishaps = WarningLog(["before"])
     with mishaps.contained("a picture"):
         raise MemoryError
     assert mishaps.lines == ["before", "a picture: MemoryError"]
     mishaps.write(tmp_path)
     assert read_warnings(tmp_path) == mishaps.lines
-    Mishaps().write(tmp_path / "nowhere")
+    WarningLog().write(tmp_path / "nowhere")

@@ -268,7 +268,7 @@ def test_what_a_law_is_a_function_of_is_all_that_moves_it():
     ]
     for effect in of_one:
         values = {p.name: np.full(3, p.starts[0]) for p in effect.parameters(Place("q", "N"))}
-        of = effect.force if not effect.dry else lambda x, s, given: effect.grip(x, s, given, None)  # noqa: B023
+        of = effect.force if not effect.dry else lambda x, s, given: effect.friction_limit(x, s, given, None)  # noqa: B023
         moved = of(q + 0.3, v, values) if effect.function_of == "speed" else of(q, v + 0.3, values)
         np.testing.assert_array_equal(of(q, v, values), moved, err_msg=effect.family)
     with pytest.raises(UsageError, match="gpsim effects list"):
@@ -318,7 +318,7 @@ def test_a_patch_names_the_law_that_it_is_a_piece_of():
     q, values = np.zeros(2), {"force": np.array([1.5, 2.0])}
     for family, whole in patches.items():
         assert FAMILIES[family].needs_region
-        grips = [effect_of(f).grip(q, q + 1.0, values, None) for f in (family, whole)]
+        grips = [effect_of(f).friction_limit(q, q + 1.0, values, None) for f in (family, whole)]
         np.testing.assert_array_equal(*grips)
 
 

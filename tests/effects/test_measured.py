@@ -36,7 +36,7 @@ def test_friction_holds_at_rest_as_much_as_both_directions_say():
     speeds = np.array([-0.5, 0.0, 0.5])
     assert effect.dry
     assert effect.force(speeds, speeds, {}) is None
-    most = effect.grip(np.zeros(3), speeds, {"scale": np.ones(3)}, None)
+    most = effect.friction_limit(np.zeros(3), speeds, {"scale": np.ones(3)}, None)
     np.testing.assert_allclose(most, [2.5, 1.5, 3.5])
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mjcf_models import DOUBLE, FLOATING, PENDULUM, SERVO, SLIDER, one_by_one, written
 
 from gpsim.channels import Channels
-from gpsim.effects import FAMILIES, Chain, ClosedStep, Gate, Term, closed
+from gpsim.effects import FAMILIES, BlackBoxStepper, Chain, Gate, Term, closed
 from gpsim.mjcf import load_mjcf
 from gpsim.simulators import make_simulator, reduced, wrapping
 
@@ -233,9 +233,9 @@ def test_a_simulation_that_flies_off_is_far_away_and_leaves_no_file(tmp_path, mo
 
 def test_it_owns_its_steps_through_all_that_stands_in_for_it(double):
     assert closed(double) is double
-    assert isinstance(wrapping(double, Channels.of(double.state.units)), ClosedStep)
+    assert isinstance(wrapping(double, Channels.of(double.state.units)), BlackBoxStepper)
     held = reduced(double, {"elbow": 0.3, "elbow_dot": 0.0}, ["elbow"])
-    assert isinstance(held, ClosedStep)
+    assert isinstance(held, BlackBoxStepper)
     assert held.state.names == ("shoulder", "shoulder_dot")
     out = rolled(held, np.array([[0.5, 0.0]]), np.zeros((1, 200, 2)))
     turned = DOUBLE.replace('pos="0 0 -.5"', 'pos="0 0 -.5" axisangle="0 1 0 17.188733853924695"')
@@ -293,14 +293,16 @@ def test_a_gap_between_orientations_is_half_the_turn_between_them(tmp_path):
     product = [w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b]
     measured[1, 3:7] = [*product, w * d + x * c - y * b + z * a]
     measured[2, 3:7] = -measured[1, 3:7]
-    gap = floating.gap(measured, said)
+    gap = floating.state_error(measured, said)
     assert gap[0] == pytest.approx(0.0, abs=1e-12)
     for row in gap[1:]:
         assert row[3:7] == pytest.approx([0.0, 0.0, np.sin(0.01), 0.0], abs=1e-12)
     change = np.zeros((1, 2 * 7))
     change[0, 3:6] = [0.01, -0.02, 0.015]
     moved = floating.plus(said[:1], change)
-    assert 2.0 * floating.gap(moved, said[:1])[0, 4:7] == pytest.approx([0.01, -0.02, 0.015], rel=1e-3)
+    assert 2.0 * floating.state_error(moved, said[:1])[0, 4:7] == pytest.approx(
+        [0.01, -0.02, 0.015], rel=1e-3
+    )
 
 
 def test_of_a_free_joint_what_acts_along_its_axes_is_asked(tmp_path):

@@ -1,9 +1,9 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
-from gpsim.diagnosis.assessment.combinations import combinations
+from gpsim.diagnosis.assessment.combinations import identifiable_combinations
 from gpsim.diagnosis.assessment.comparison import Comparison, compare
 from gpsim.diagnosis.assessment.estimates import averaged, covariance, estimates, intervals
-from gpsim.diagnosis.assessment.experiment_design import tell_apart
+from gpsim.diagnosis.assessment.experiment_design import design_experiment
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.rollouts import Model
 from gpsim.diagnosis.assessment.scoring import by_recording, posed, replayed, score
@@ -14,16 +14,16 @@ __all__ = [
     "Model",
     "averaged",
     "by_recording",
-    "combinations",
     "compare",
     "covariance",
     "depends_on",
+    "design_experiment",
     "estimates",
+    "identifiable_combinations",
     "intervals",
     "locate",
     "most_telling",
     "posed",
     "replayed",
     "score",
-    "tell_apart",
 ]

@@ -34,7 +34,9 @@ LARGEST_DENOMINATOR = 3  # of an exponent that physics knows
 UNITY = 1.0  # at which a factor does nothing: a gain, a ratio, a scale
 
 
-def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[Combination, ...]:
+def identifiable_combinations(
+    problem: Problem, leader: Fit, rivals: Sequence[Fit]
+) -> tuple[Combination, ...]:
     """What the data fix where they do not fix each parameter; empty where they do."""
     if not leader.hypothesis.terms:
         return ()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.artifacts import Mishaps
+from gpsim.artifacts import WarningLog
 from gpsim.channels import Channel, FloatArray, IntArray
 from gpsim.diagnosis.assessment.remainder_gp import (
     Corrected,
@@ -40,7 +40,7 @@ from gpsim.diagnosis.assessment.rollouts import (
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judging import Attribution, Judgement
-from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
+from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, PreparedProblem, apart, filters, undone
 from gpsim.effects import ParameterEffect, closed, effect_of
 from gpsim.findings import (
     BlackBox,
@@ -101,7 +101,7 @@ class Steps:
 
 
 def compare(
-    question: Question,
+    question: PreparedProblem,
     judgement: Judgement,
     attribution: Attribution,
     offers: list[Candidate],
@@ -117,7 +117,7 @@ def compare(
     completions = Completions(problem, question.recording, question.hidden, after)
     steps = steps_of(question, hypotheses, completions)
     rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
-    train, mishaps, alone, both, beside = steps["before"].train, Mishaps(), None, None, None
+    train, mishaps, alone, both, beside = steps["before"].train, WarningLog(), None, None, None
     why: NoGp | None = NoGp("not fitted")
     rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
     with mishaps.contained("no Gaussian process with the base simulator"):
@@ -175,7 +175,7 @@ def compare(
 
 
 def _remainder(
-    question: Question,
+    question: PreparedProblem,
     judgement: Judgement,
     attribution: Attribution,
     hypotheses: Mapping[str, Hypothesis],
@@ -218,7 +218,7 @@ def _remainder(
 
 
 def steps_of(
-    question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
+    question: PreparedProblem, hypotheses: Mapping[str, Hypothesis], completions: Completions
 ) -> dict[str, Steps]:
     """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
     problem, recording = question.everything, question.recording
@@ -261,7 +261,7 @@ def single_steps(problem: Problem, recording: Recording, past: bool = False) -> 
     return Steps(*parts)
 
 
-def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hypothesis:
+def _tuned(question: PreparedProblem, offers: list[Candidate], base: Hypothesis) -> Hypothesis:
     """What a system identification tool would do: the base simulator's own parameters fitted, nothing added."""
     tuned = base
     for candidate in offers:
@@ -294,7 +294,7 @@ def _noise_rates(
 
 
 def _one_step(
-    question: Question, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
+    question: PreparedProblem, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
 ) -> dict[str, StepErrors]:
     """Errors of every rate that was measured; `typical` from the median beside the RMS.
 
@@ -318,7 +318,7 @@ def _one_step(
 
 
 def _step_shares(
-    question: Question, rates: Mapping[str, FloatArray], rng: np.random.Generator
+    question: PreparedProblem, rates: Mapping[str, FloatArray], rng: np.random.Generator
 ) -> dict[str, Share]:
     """What the effects take off each measured rate's error beyond noise, where there is any."""
     kinds = ("before", "after", "noise_floor")
@@ -329,7 +329,7 @@ def _step_shares(
     return {name: share for name, share in found.items() if share is not None}
 
 
-def shown_rates(question: Question) -> list[tuple[int, Channel]]:
+def shown_rates(question: PreparedProblem) -> list[tuple[int, Channel]]:
     """Which rates follow from recorded channels alone, by their columns: a hidden one's was not measured."""
     simulator = question.everything.simulator
     state = question.everything.windows.measured[:1, 0]

@@ -26,7 +26,7 @@ from scipy.special import ndtr, ndtri, stdtrit
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, Shooting, coordinates
 from gpsim.diagnosis.settings import IntervalSettings
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.effects import (
     RISE,
     EffectParameter,
@@ -48,7 +48,7 @@ TINY = 1e-150  # guards a division, squared or not
 GRID = 4001  # places at which a mixture's distribution is worked out
 
 
-def estimates(question: Question, found: Fit, left: float) -> tuple[dict[str, Estimate], ...]:
+def estimates(question: PreparedProblem, found: Fit, left: float) -> tuple[dict[str, Estimate], ...]:
     """Of every term of an explanation its parameters by name. left: of the mismatch what has no name.
 
     What is one recording's own is told apart by its parameter's name (see `gpsim.effects.term`). Intervals are what the
@@ -72,7 +72,7 @@ def estimates(question: Question, found: Fit, left: float) -> tuple[dict[str, Es
 
 
 def averaged(
-    question: Question, leader: Fit, rivals: Sequence[Fit], probabilities: Sequence[float], left: float
+    question: PreparedProblem, leader: Fit, rivals: Sequence[Fit], probabilities: Sequence[float], left: float
 ) -> tuple[dict[str, Estimate], ...]:
     """The leader's estimates, with intervals that hold what rivals say of the same, as likely as they are.
 

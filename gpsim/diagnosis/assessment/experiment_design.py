@@ -27,7 +27,7 @@ VISIBLE = 1.0  # of the noise: a smaller difference nobody could see [standard d
 AFTERWARDS = 2**31  # number of an episode that comes after all others, no threshold
 
 
-def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
+def design_experiment(problem: Problem, judgement: Judgement) -> Discrimination | None:
     """The fewest recordings that separate every pair of rivals which any of them separates, and the other pairs.
 
     None when nothing has to be told apart.

@@ -11,7 +11,7 @@ from gpsim.channels import BoolArray, FloatArray, wrap_angle
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.data import TYPICAL
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.findings import Concentration, Location, Verdict
 from gpsim.simulators import Simulator
 
@@ -33,7 +33,9 @@ TINY = 1e-300  # guards divisions by errors that are 0
 SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
 
 
-def locate(question: Question, judgement: Judgement, comparison: Comparison, verdict: Verdict) -> Location:
+def locate(
+    question: PreparedProblem, judgement: Judgement, comparison: Comparison, verdict: Verdict
+) -> Location:
     """Which rates, where, since when, and on what it depends."""
     simulator = question.everything.simulator
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
@@ -52,7 +54,7 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison, ver
     )
 
 
-def _concentrated(question: Question, comparison: Comparison) -> Concentration | None:
+def _concentrated(question: PreparedProblem, comparison: Comparison) -> Concentration | None:
     """In which part of state, action or time nearly all of the mismatch lies, in the rate where it is plainest.
 
     Or how soon after a command or a velocity has turned round.

@@ -26,7 +26,7 @@ from gpsim.diagnosis.fitting import (
     without_sensors,
 )
 from gpsim.diagnosis.judging import draws, share_of
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.findings import BlackBox, BoxKind, NoGp
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
@@ -177,7 +177,7 @@ def left_with(
     return np.asarray(alone - learnt.rates(windows.measured[:, 0], windows.actions[:, 0]))
 
 
-def with_a_past(question: Question, train: Windows, hypothesis: Hypothesis) -> Windows:
+def with_a_past(question: PreparedProblem, train: Windows, hypothesis: Hypothesis) -> Windows:
     """The transitions of which the sensors saw all that they remember: nobody knows what was before an episode."""
     if not has_sensors(hypothesis):
         return train

@@ -14,7 +14,7 @@ from gpsim.channels import BoolArray, Channel, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.judging import horizon_of, interval_of, share_of
-from gpsim.diagnosis.setup import Completions, Question
+from gpsim.diagnosis.setup import Completions, PreparedProblem
 from gpsim.findings import Kind, OverBefore, Ratio, Rollout, RolloutErrors, RolloutModelErrors, Share
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
@@ -39,13 +39,13 @@ class Model:
     extra: Extra | None = None
 
 
-def base_of(question: Question) -> Hypothesis:
+def base_of(question: PreparedProblem) -> Hypothesis:
     """The base simulator with its own step."""
     return Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
 
 
 def drifts(
-    question: Question,
+    question: PreparedProblem,
     models: Mapping[str, Model],
     noise: FloatArray,
     rng: np.random.Generator,
@@ -74,7 +74,7 @@ def drifts(
 
 
 def rollouts(
-    question: Question, errors: Mapping[str, FloatArray], box: str | None, rng: np.random.Generator
+    question: PreparedProblem, errors: Mapping[str, FloatArray], box: str | None, rng: np.random.Generator
 ) -> Rollout:
     """Root mean square errors of every measured channel after the horizon. errors: as `drifts` has them.
 
@@ -96,7 +96,7 @@ def rollouts(
     return Rollout(_length(question) * question.recording.dt, out)
 
 
-def shown_channels(question: Question) -> list[tuple[int, Channel]]:
+def shown_channels(question: PreparedProblem) -> list[tuple[int, Channel]]:
     """Which channels were measured, by their columns."""
     state = enumerate(question.everything.simulator.state)
     return [(i, channel) for i, channel in state if channel.name not in question.hidden]
@@ -112,7 +112,7 @@ def rolled(problem: Problem, windows: Windows, model: Model) -> FloatArray:
     return difference(windows.measured[:, -1], _ends(problem, windows, model), problem.simulator.state)
 
 
-def whole_windows(question: Question, recording: Recording, learnt_from: bool = False) -> Windows:
+def whole_windows(question: PreparedProblem, recording: Recording, learnt_from: bool = False) -> Windows:
     """Evenly spread ones of the horizon in the held-out part, or in what is `learnt_from`.
 
     All is both where nothing is held out. recording: the question's, completed where channels are hidden.
@@ -126,7 +126,7 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
     return windows.take(evenly(len(windows), settings.rollouts.most))
 
 
-def free_length(question: Question, recording: Recording, model: Model) -> int:
+def free_length(question: PreparedProblem, recording: Recording, model: Model) -> int:
     """Transitions of the longest runs of what is learnt from in which the model still foresees a measured channel.
 
     Halved until it does: of a run in which it is lost nobody can tell what makes it worse. 0 where those are no longer
@@ -143,7 +143,7 @@ def free_length(question: Question, recording: Recording, model: Model) -> int:
     return 0
 
 
-def free_runs(question: Question, recording: Recording, length: int) -> Windows:
+def free_runs(question: PreparedProblem, recording: Recording, length: int) -> Windows:
     """Evenly spread ones of so many transitions in what is learnt from; shorter stretches are padded."""
     most = ROLLOUTS_LOOKED_AT if length else 0
     windows = cut(recording, question.run.settings.windows, max(length, 1), most)
@@ -167,7 +167,7 @@ def foreseen(problem: Problem, errors: FloatArray) -> BoolArray:
     return np.asarray(problem.observed & (errors < FORESEEN * problem.scale))
 
 
-def _length(question: Question) -> int:
+def _length(question: PreparedProblem) -> int:
     return max(2, min(horizon_of(question), _longest(question.recording)))
 
 

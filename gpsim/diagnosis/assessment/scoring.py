@@ -36,7 +36,7 @@ from gpsim.diagnosis.judging import (
     rollouts_in,
 )
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.setup import Completions, Question, prepare
+from gpsim.diagnosis.setup import Completions, PreparedProblem, prepare
 from gpsim.effects import base_name, closed, owner_of
 from gpsim.errors import UsageError
 from gpsim.findings import (
@@ -61,7 +61,7 @@ FEWEST = 3  # recordings, of which each is left out once
 class Judged:
     """A question to a new recording, and the models that answer it: `before`, `after` and, with one, `after_gp`."""
 
-    question: Question
+    question: PreparedProblem
     models: Mapping[str, Model]
     without_gp: str
 
@@ -132,7 +132,7 @@ def _scored(
     return out
 
 
-def _explained(question: Question, base: Hypothesis, after: Hypothesis) -> Explained | None:
+def _explained(question: PreparedProblem, base: Hypothesis, after: Hypothesis) -> Explained | None:
     """How much of the mismatch the effects take off here; None where there are none."""
     if not after.terms:
         return None
@@ -202,7 +202,7 @@ def replayed(
 
 
 def by_recording(
-    question: Question, judgement: Judgement, attribution: Attribution, effects: Sequence[NamedEffect]
+    question: PreparedProblem, judgement: Judgement, attribution: Attribution, effects: Sequence[NamedEffect]
 ) -> tuple[OneRecording, ...] | None:
     """Every recording with what is its own and how the account does on it; None where there is one alone."""
     parts = apart(question.recording)
@@ -231,7 +231,7 @@ def by_recording(
     return tuple(out)
 
 
-def _explained_of(question: Question, attribution: Attribution, place: int) -> Share | None:
+def _explained_of(question: PreparedProblem, attribution: Attribution, place: int) -> Share | None:
     """What the account takes off the mismatch of one recording, on what judges it as a whole."""
     judge = attribution.judge
     if isinstance(judge, RolloutJudge):
@@ -249,7 +249,7 @@ def _explained_of(question: Question, attribution: Attribution, place: int) -> S
 
 
 def _errors(
-    question: Question, models: Mapping[str, Hypothesis], windows: Mapping[str, Windows]
+    question: PreparedProblem, models: Mapping[str, Hypothesis], windows: Mapping[str, Windows]
 ) -> dict[str, EndErrors]:
     """By measured channel at the ends of rollouts; empty where a model has none."""
     problem = question.everything
@@ -263,7 +263,7 @@ def _errors(
 
 
 def _from_others(
-    question: Question, judgement: Judgement, attribution: Attribution, place: int
+    question: PreparedProblem, judgement: Judgement, attribution: Attribution, place: int
 ) -> FromOthers | None:
     """The account's laws with the values that all other recordings say, on all of one."""
     leader, count, problem = judgement.leader, len(question.recording.sources), question.everything

@@ -82,9 +82,9 @@ class Batch:
         return np.concatenate([self.windows.before_actions, self.windows.actions], axis=1)
 
     @property
-    def leaps(self) -> bool:
+    def zero_order_hold_exact(self) -> bool:
         """Whether whole control steps lead up to the windows: no sensor looks at the substeps before them."""
-        return self.even and self.chain.actuation.leaps and not self.chain.sensors.remember
+        return self.even and self.chain.actuation.zero_order_hold_exact and not self.chain.sensors.remember
 
 
 def batch_of(
@@ -160,7 +160,7 @@ def commands(batch: Batch, program: Program, threads: int) -> Commands | None:
     if not chain.actuation:
         return Commands(batch.given, batch.rows, before, finely=False)
     looks, which = chain.actuation.looks, batch.commanded
-    step = n * batch.usual if batch.leaps else batch.usual
+    step = n * batch.usual if batch.zero_order_hold_exact else batch.usual
     resting = None if looks else at_rest(program, chain, step, even=batch.even)
     if resting is None:
         acted, memory, known = _acted(batch)
@@ -172,7 +172,7 @@ def commands(batch: Batch, program: Program, threads: int) -> Commands | None:
         return Commands(acted, which, known, finely=True, given=windows.actions, at=at)
     own = np.tile(np.arange(len(windows)), len(batch.first))
     values = program.values(batch.commanding, len(own))
-    if batch.leaps:
+    if batch.zero_order_hold_exact:
         led = windows.before_t, windows.before_actions
         acted = travelled(program, n, values, windows.t, own, windows.actions, resting, threads, led)
         return Commands(acted, which, 0, finely=True)
@@ -188,7 +188,7 @@ def _acted(batch: Batch) -> tuple[FloatArray, Memory, int]:
     chain, windows, n, looks = batch.chain, batch.windows, batch.n, batch.chain.actuation.looks
     rows, values = np.tile(np.arange(len(windows)), len(batch.first)), batch.commanding
     clock, actions, before = batch.clock, batch.given, n * windows.before_actions.shape[1]
-    if batch.leaps:
+    if batch.zero_order_hold_exact:
         memory = _led_up_to(batch, rows, values)
         clock, actions, before = windows.t, windows.actions, 0
     else:

@@ -16,7 +16,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.shooting import STATE_STEP, Fit, Shooting, fit
-from gpsim.effects import ClosedStep, closed
+from gpsim.effects import BlackBoxStepper, closed
 from gpsim.simulators import Simulator
 
 WHITENESS_LAGS = 3  # lags at which a white residual must not be correlated [samples]
@@ -182,7 +182,7 @@ def stepped(problem: Problem, likely: Callable[[], Hypothesis]) -> Problem:
 
 
 def _cheapest(
-    problem: Problem, system: ClosedStep, hypothesis: Hypothesis, finer: Sequence[float]
+    problem: Problem, system: BlackBoxStepper, hypothesis: Hypothesis, finer: Sequence[float]
 ) -> tuple[Problem, float]:
     """The steps that cost least of those exact enough, or nearly as exact as any; and what the best are off by.
 
@@ -211,7 +211,7 @@ def _cheapest(
     return replace(problem, simulator=simulator, substeps=steps), least
 
 
-def _with_slopes(problem: Problem, system: ClosedStep, hypothesis: Hypothesis) -> Problem:
+def _with_slopes(problem: Problem, system: BlackBoxStepper, hypothesis: Hypothesis) -> Problem:
     """The question with the steps that cost least of those that tell slopes about as well as its own.
 
     Longer ones by the model's own method, or by the one it is simulated with; as always where neither will do.

@@ -42,7 +42,7 @@ def simulate(
     copies, count, channels = starts.shape
     if not count:
         return np.empty((copies, 0, windows.length + 1, channels))
-    begun = tamed(starts).reshape(copies * count, channels)  # a step may have sent one anywhere
+    begun = clip_diverged(starts).reshape(copies * count, channels)  # a step may have sent one anywhere
     values, said = values_of(chain, windows, spread, thetas), None
     with np.errstate(all="ignore"):
         strained = strains(chain, windows, np.tile(np.arange(count), copies), begun, values)
@@ -56,7 +56,7 @@ def simulate(
     return said.reshape(copies, count, windows.length + 1, channels)
 
 
-def tamed(state: FloatArray) -> FloatArray:
+def clip_diverged(state: FloatArray) -> FloatArray:
     """A state that may have diverged, within FAR. Nearly all are, and to see that is the cheap part."""
     if np.abs(state).max(initial=0.0) <= FAR:  # no, where one is not a number
         return state
@@ -80,7 +80,9 @@ def by_numpy(batch: Batch, starts: FloatArray, strained: Memory, extra: Extra | 
             sensors.watch(state, values, seen, steps[:, k])
         if j == n - 1:
             out[:, k + 1] = sensors.measure(state, values, seen, steps[:, k])
-    return tamed(out) if sensors.remember else out  # a late sensor sees states between those that were tamed
+    return (
+        clip_diverged(out) if sensors.remember else out
+    )  # a late sensor sees states between those that were tamed
 
 
 def _passed(
@@ -102,7 +104,7 @@ def _passed(
         added = None if extra is None else extra(state, windows.actions[batch.rows, k], k)
         if owner is not None:
             acted = np.stack([drive(i, j, state) for i in range(k, k + at_once) for j in range(n)], axis=1)
-            path = tamed(chain.rolled(owner, state, acted, values, step, t, added, strained))
+            path = clip_diverged(chain.rolled(owner, state, acted, values, step, t, added, strained))
             if at_once > 1 and not batch.even:
                 path = _moved(state, path, off[batch.rows, 1:], n)
             yield from path.transpose(1, 0, 2)
@@ -110,7 +112,7 @@ def _passed(
             continue
         for j in range(n):
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added, strained)
-            state = tamed(state) if j == n - 1 else state
+            state = clip_diverged(state) if j == n - 1 else state
             yield state
 
 
@@ -157,7 +159,7 @@ def _history(
             end = windows.before_t[rows, k] - (moments - 1 - j) * step
         command = np.mean([drive(k, j * every + i, state) for i in range(every)], axis=0)
         state = chain.advance(state, command, batch.values, -step, end, None, strained)
-        state = np.where(still, starts, tamed(state))
+        state = np.where(still, starts, clip_diverged(state))
         past.append(state)
         steps.append(step)
     return np.stack(past[::-1], axis=1), None if batch.even else np.stack([*steps, own][::-1], axis=1)
@@ -180,7 +182,7 @@ def by_compiled_code(
         program, n, starts, program.values(batch.values, count), windows.t, batch.rows, known, threads, past,
         program.bends(strained, count),
     )  # fmt: skip
-    return tamed(_read(batch, states, passed, past)) if chain.sensors else states
+    return clip_diverged(_read(batch, states, passed, past)) if chain.sensors else states
 
 
 def _read(batch: Batch, states: FloatArray, passed: FloatArray, past: Past | None) -> FloatArray:

@@ -16,9 +16,9 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis
 from gpsim.diagnosis.judging.importance import importances, players
-from gpsim.diagnosis.judging.judges import LOW, TINY, Judge, Mismatch, rollout_judge, window_judge
+from gpsim.diagnosis.judging.judges import LOW, TINY, LossEvaluator, Mismatch, rollout_judge, window_judge
 from gpsim.diagnosis.settings import VerdictSettings
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.effects import closed
 from gpsim.findings import Explained, JudgedOn, Role, Share
 
@@ -37,7 +37,7 @@ class Attribution:
     importance: tuple[Share, ...]
     needed: tuple[Share, ...]
     roles: tuple[Role, ...]
-    judge: Judge = field(repr=False)
+    judge: LossEvaluator = field(repr=False)
     noise: FloatArray = field(repr=False)
     squares: FloatArray = field(repr=False)
 
@@ -47,7 +47,7 @@ class Attribution:
         return self.explained.rollout or Share(0.0)
 
 
-def explained_by(question: Question, leader: Fit, null: Fit) -> Explained:
+def explained_by(question: PreparedProblem, leader: Fit, null: Fit) -> Explained:
     """Which share of the mismatch an account takes off in a recording that nothing of it was learnt from."""
     judge, counts, _ = _judge(question, leader, null)
     squares = judge.squares([[leader.hypothesis]])[0]
@@ -56,9 +56,9 @@ def explained_by(question: Question, leader: Fit, null: Fit) -> Explained:
 
 
 def attribute(
-    question: Question, leader: Fit, null: Fit, without: Sequence[Hypothesis], gains: Sequence[float]
+    question: PreparedProblem, leader: Fit, null: Fit, without: Sequence[Hypothesis], gains: Sequence[float]
 ) -> Attribution:
-    """Judge an account on what it did not learn from.
+    """LossEvaluator an account on what it did not learn from.
 
     null: the base, integrated as the account is; without: the account without each of its terms, all others fitted;
     gains: what each term is worth by that [nats].
@@ -117,7 +117,7 @@ def role_of(
     return "headline" if decides or importance >= settings.headline else "slight"
 
 
-def _judge(question: Question, leader: Fit, null: Fit) -> tuple[Judge, bool, FloatArray]:
+def _judge(question: PreparedProblem, leader: Fit, null: Fit) -> tuple[LossEvaluator, bool, FloatArray]:
     """Rollouts where they show the mismatch, else the fit's windows; whether they do; the sensors' noise (S,)."""
     rng = np.random.default_rng(SEED)
     rolled, noise = rollout_judge(question, leader, null, rng)

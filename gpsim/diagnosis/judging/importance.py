@@ -16,13 +16,13 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.judging.judges import Judge
+from gpsim.diagnosis.judging.judges import LossEvaluator
 
 MOST = 6  # players at most: 64 subsets
 
 
 def importances(
-    judge: Judge,
+    judge: LossEvaluator,
     account: Hypothesis,
     whole: FloatArray,
     explained: FloatArray,

@@ -26,7 +26,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows, at, rms, stretches, typical
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Noise, Problem, Shooting, fit, predicted
-from gpsim.diagnosis.setup import Question, telling
+from gpsim.diagnosis.setup import PreparedProblem, telling
 from gpsim.effects import closed
 from gpsim.findings import JudgedOn, Share
 from gpsim.recordings import Recording, evenly
@@ -153,7 +153,7 @@ class RolloutWindows:
         return at(recording, self.places, self.length)
 
 
-def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
+def rollout_windows(question: PreparedProblem, lead: int = 0) -> RolloutWindows:
     """Held-out ones; where they make too few blocks those of the whole recording, in folds of neighbouring blocks.
 
     lead: transitions before each, from which an account says where it begins; 0: in the measured state.
@@ -168,14 +168,14 @@ def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
     return replace(found, fold=fold, judged_on="cross-fitted rollouts")
 
 
-def rollouts_in(question: Question, source: int, lead: int = 0) -> RolloutWindows:
+def rollouts_in(question: PreparedProblem, source: int, lead: int = 0) -> RolloutWindows:
     """Those of all of one of several recordings, for an account that was learnt from the others."""
     episodes = question.recording.episodes
     parts = [s for s in stretches(question.recording) if episodes[s[0]].source == source]
     return _cut(question, parts, lead)
 
 
-def horizon_of(question: Question) -> int:
+def horizon_of(question: PreparedProblem) -> int:
     """Transitions of a rollout, where the stretches are long enough.
 
     Of what stands hardly longer than between impacts: what begins alike comes down elsewhere, by whatever account.
@@ -189,7 +189,7 @@ def horizon_of(question: Question) -> int:
     return min(usual, settings.rollouts.longest)
 
 
-def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -> RolloutWindows:
+def _cut(question: PreparedProblem, parts: Sequence[tuple[int, int, int]], lead: int) -> RolloutWindows:
     """Evenly spread rollouts in stretches (episode, first, last sample): of the horizon, or what most of them allow."""
     spans = sorted(last - first for _, first, last in parts)
     upper = spans[np.searchsorted(np.cumsum(spans), SHORT_PART * sum(spans))] if spans else 0
@@ -212,7 +212,7 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
     return RolloutWindows(places, lead, length, blocks, fold, "held-out rollouts")
 
 
-class Judge(Protocol):
+class LossEvaluator(Protocol):
     """What an account is judged by. leaders: the account as it was learnt without each part of the data."""
 
     @property
@@ -253,7 +253,7 @@ class RolloutJudge:
         return self.places.judged_on
 
     def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
-        """See `Judge`."""
+        """See `LossEvaluator`."""
         return _rolled(self.problem, self.windows, self.places, self.worst, accounts, self.begun)
 
 
@@ -268,7 +268,7 @@ class WindowJudge:
     judged_on: JudgedOn = "fit windows"
 
     def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
-        """See `Judge`."""
+        """See `LossEvaluator`."""
         out = []
         for account in accounts:
             found = fit(self.problem, account[0].frozen(), self.like.starts, 4, self.like.noise)
@@ -277,7 +277,7 @@ class WindowJudge:
 
 
 def rollout_judge(
-    question: Question, leader: Fit, null: Fit, rng: np.random.Generator
+    question: PreparedProblem, leader: Fit, null: Fit, rng: np.random.Generator
 ) -> tuple[RolloutJudge, FloatArray]:
     """On held-out time, or all of it in turn, and the sensors' noise (S,). null: the base, integrated as the leader.
 
@@ -296,7 +296,7 @@ def rollout_judge(
 
 
 def judge_at(
-    question: Question,
+    question: PreparedProblem,
     leader: Fit,
     null: Fit,
     noise: FloatArray,
@@ -317,7 +317,7 @@ def judge_at(
 
 
 def window_judge(
-    question: Question, leader: Fit, null: Fit, noise: FloatArray, rng: np.random.Generator
+    question: PreparedProblem, leader: Fit, null: Fit, noise: FloatArray, rng: np.random.Generator
 ) -> WindowJudge:
     """On the windows that were learnt from, where no channel of a rollout stands out of the noise."""
     problem = question.everything
@@ -333,7 +333,7 @@ def window_judge(
     return WindowJudge(problem, leader, mismatch, (leader.hypothesis,))
 
 
-def sensor_noise(question: Question, leader: Fit) -> FloatArray:
+def sensor_noise(question: PreparedProblem, leader: Fit) -> FloatArray:
     """(S,) standard deviation of every recorded channel's noise, 0 of hidden ones.
 
     What the recording states, else what second differences of the leader's residual show: a smooth error of the model

@@ -26,7 +26,7 @@ from gpsim.diagnosis.ladder.pushes import without_pushes
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import FINISH, Search
 from gpsim.diagnosis.ladder.twins import swap
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.effects import EffectParameter, Measured, Term, closed
 from gpsim.findings import MeasuredCurve
 
@@ -45,14 +45,14 @@ class Climbed:
     bent: unusual laws that do not follow what they are named for, by family and place.
     """
 
-    question: Question
+    question: PreparedProblem
     judgement: Judgement
     curves: Mapping[tuple[str, str, str], MeasuredCurve]
     asked: frozenset[tuple[str, str]]
     bent: frozenset[tuple[str, str]]
 
 
-def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
+def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Climbed:
     """All rungs; raises nothing: where nothing pays, nothing is missing."""
     run = question.run
     known, simulator = run.known, question.everything.simulator
@@ -65,7 +65,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
         question = pushed
         search = _usual_machine(question, every)
     step("rung 1", 30, "testing substitutes for each law")
-    if not search.lean:
+    if not search.only_few:
         swap(search)
     step("rung 2", 45, "looking for what is unusual")
     search.unusual()
@@ -96,7 +96,7 @@ def climb(question: Question, offers: list[Candidate], step: Step) -> Climbed:
     return Climbed(*_finished(question, search, laws), curves, asked, bent)
 
 
-def _usual_machine(question: Question, laws: list[Law]) -> Search:
+def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
     """Rung 1."""
     simulator, sized, few = question.everything.simulator, None, None
     search = Search(question.searched, question.held_out, laws)
@@ -106,8 +106,8 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         laws = [replace(law, of_row=False) for law in laws]
         few = Search(question.searched, question.held_out, laws)
-        few.lean = few_suffice(few)
-        if few.lean:
+        few.only_few = few_suffice(few)
+        if few.only_few:
             return few
         search = Search(question.searched, question.held_out, laws)
     search.usual(sized)
@@ -116,7 +116,7 @@ def _usual_machine(question: Question, laws: list[Law]) -> Search:
         search.through_gauges()
     search.eliminate()
     if few and few_are_better(few, search):
-        few.lean = True
+        few.only_few = True
         return few
     return search
 
@@ -135,7 +135,7 @@ def _finer(search: Search) -> None:
     search.tell_noise()
 
 
-def _finished(question: Question, search: Search, laws: Account) -> tuple[Question, Judgement]:
+def _finished(question: PreparedProblem, search: Search, laws: Account) -> tuple[PreparedProblem, Judgement]:
     """The account on all windows, in the catalogue's words; the base beside it, and what else was tried.
 
     laws: the account without its curves, which stand on top of them as they are.

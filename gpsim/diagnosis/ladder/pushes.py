@@ -17,14 +17,14 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Problem
 from gpsim.diagnosis.ladder.search import Search
 from gpsim.diagnosis.settings import PushSettings
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.findings import LogFact
 from gpsim.recordings import Episode
 
 FEWEST = 20  # windows: of fewer nobody can say what is usual
 
 
-def without_pushes(question: Question, search: Search) -> Question | None:
+def without_pushes(question: PreparedProblem, search: Search) -> PreparedProblem | None:
     """The question without these moments, and what is said of them; None where there are none."""
     problem = search.shooting.problem
     windows = problem.windows

@@ -18,7 +18,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
-from gpsim.effects import ClosedStep, Term, closed
+from gpsim.effects import BlackBoxStepper, Term, closed
 from gpsim.recordings import Episode, Recording, evenly
 
 BANDS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8)  # of the Nyquist frequency, below which motion is kept
@@ -193,7 +193,9 @@ class _Log:
     the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
     """
 
-    def __init__(self, problem: Problem, system: ClosedStep, recording: Recording, offers: Offers) -> None:
+    def __init__(
+        self, problem: Problem, system: BlackBoxStepper, recording: Recording, offers: Offers
+    ) -> None:
         self.problem, self.system, self.dt = problem, system, recording.dt
         self.candidates = candidates = [c for c in offers if not c.variant]
         index, coordinates = problem.simulator.state.index, problem.simulator.coordinates

@@ -57,7 +57,7 @@ class Search:
         self.gauges: set[Key] = set()
         self.least = 0.0
         self.dear = closed(problem.simulator) is not None
-        self.lean = False  # few laws stand, so that what is dear elsewhere is asked of a robot, too
+        self.only_few = False  # few laws stand, so that what is dear elsewhere is asked of a robot, too
 
     def say(self, rule: str, taken: bool, *names: str, gain: float | None = None) -> None:
         """Write a decision down."""
@@ -597,7 +597,7 @@ class Search:
         So does what is a crumb of the base's misfit: on clean data every law would stand.
         """
         self.least = self.numbers.crumb * self.missing()
-        while self.lean or not self.dear:
+        while self.only_few or not self.dear:
             less = self.drop_each()
             if not len(self.held_out.problem.windows):
                 return

@@ -25,7 +25,7 @@ def swap(search: Search) -> None:
     Not where every fit is of a whole robot: its regression has compared what may stand in for what.
     """
     done = set[tuple[object, ...]]()
-    for _ in range(ROUNDS if not search.dear or (search.lean and len(search.account.laws) > 1) else 0):
+    for _ in range(ROUNDS if not search.dear or (search.only_few and len(search.account.laws) > 1) else 0):
         less = search.drop_each()
         order = sorted(less, key=lambda key: less[key].fit.cost)
         if not any(_replaced(search, key, less[key], done) for key in order):

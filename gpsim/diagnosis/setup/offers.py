@@ -11,7 +11,7 @@ import numpy as np
 
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.setup.known import allowed, check_bounds
-from gpsim.diagnosis.setup.prepare import Question
+from gpsim.diagnosis.setup.prepare import PreparedProblem
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, closed, declared, effect_of
 from gpsim.findings import NotAsked
@@ -49,7 +49,7 @@ def candidates(
     return out
 
 
-def offers_of(question: Question) -> list[Candidate]:
+def offers_of(question: PreparedProblem) -> list[Candidate]:
     """Every term that may be missing from a question's simulator, and that its recording could show."""
     problem = question.everything
     known, parameters = problem.run.known, problem.parameters
@@ -63,7 +63,7 @@ def offers_of(question: Question) -> list[Candidate]:
     return allowed(known, offers, parameters, closed(problem.simulator) is not None)
 
 
-def _is_read(question: Question, candidate: Candidate) -> bool:
+def _is_read(question: PreparedProblem, candidate: Candidate) -> bool:
     """Whether what a sensor's effect acts on was read, and was not made of something else."""
     names, observed = question.everything.simulator.state.names, question.everything.observed
     on = candidate.place.on
@@ -82,12 +82,12 @@ def _shows(effect: Effect, on: str, still: float | None, simulator: Simulator) -
     return effect.needs == "nothing" and (still != 0.0 or not simulator.coordinates)
 
 
-def not_asked(question: Question) -> tuple[NotAsked, ...]:
+def not_asked(question: PreparedProblem) -> tuple[NotAsked, ...]:
     """What the recording does not show or the user has settled, and the families that are left out for it."""
     return (*_not_shown(question), *_untouched(question), *_settled(question))
 
 
-def _not_shown(question: Question) -> list[NotAsked]:
+def _not_shown(question: PreparedProblem) -> list[NotAsked]:
     sight, simulator, out = question.sight, question.whole, []
     because = "constant command" if sight.commanded else "no command"
     for name, value in sight.still.items():
@@ -104,7 +104,7 @@ def _not_shown(question: Question) -> list[NotAsked]:
     return out
 
 
-def _untouched(question: Question) -> list[NotAsked]:
+def _untouched(question: PreparedProblem) -> list[NotAsked]:
     """Geoms that nothing touches: neither their friction nor their stiffness shows."""
     simulator = question.everything.simulator
     found = simulator.untouched(np.concatenate([e.states for e in question.recording.episodes]))
@@ -112,7 +112,7 @@ def _untouched(question: Question) -> list[NotAsked]:
     return [_entry("nothing touches", geom) for geom in geoms]
 
 
-def _settled(question: Question) -> list[NotAsked]:
+def _settled(question: PreparedProblem) -> list[NotAsked]:
     known, simulator = question.everything.run.known, question.whole
     out = [
         _entry("known", name, value, simulator.parameters[name].unit, ("parameter_offset",))

@@ -31,7 +31,7 @@ from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup.estimated import smoothed
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, check_angles, contacts, look_at, mended
-from gpsim.diagnosis.setup.sight import Sight, check_moves, look
+from gpsim.diagnosis.setup.sight import ObservedModel, check_moves, look
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, closed, effect_of
 from gpsim.errors import NoDiagnosis, UsageError
@@ -73,7 +73,7 @@ RUBS, LIKELY = "coulomb_friction", ("armature", "viscous_friction")
 
 
 @dataclass(frozen=True)
-class Question:
+class PreparedProblem:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
@@ -88,7 +88,7 @@ class Question:
     thinned: int
     hidden: tuple[str, ...]
     origin: float
-    sight: Sight
+    sight: ObservedModel
     whole: Simulator
     facts: tuple[LogFact, ...]
 
@@ -104,7 +104,7 @@ class Question:
 
 def prepare(
     recording: Recording, simulator: Simulator, parameters: Mapping[str, float], run: Run | None = None
-) -> Question:
+) -> PreparedProblem:
     """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short.
 
     The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
@@ -160,7 +160,7 @@ def prepare(
         problem = replace(problem, floor=np.hypot(problem.floor, inexact(_sample(problem), machine)))
     problem = replace(problem, base_steps=every)
     problem = _fine_enough(problem) if system is None else problem
-    return Question(
+    return PreparedProblem(
         seen,
         problem.on(spread_out(training, fitted, fewest)),
         problem.on(spread_out(training, searched, fewest)),

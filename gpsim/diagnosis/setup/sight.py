@@ -28,7 +28,7 @@ REACHES = (1, 2, 3, 5, 8, 12)  # samples to either side, over which the slope of
 
 
 @dataclass(frozen=True)
-class Sight:
+class ObservedModel:
     """A simulator as a recording shows it.
 
     simulator: without the states that are `dropped` (nobody measured them, and no rate that was measured needs them)
@@ -71,7 +71,7 @@ class Sight:
         return replace(recording, state=channels, episodes=tuple(episodes), noise=noise)
 
 
-def look(recording: Recording, simulator: Simulator) -> Sight:
+def look(recording: Recording, simulator: Simulator) -> ObservedModel:
     """What the recording shows of the simulator; raises UsageError where the two do not go together."""
     commanded = bool(len(recording.action)) or not len(simulator.action)
     shown = recording if commanded else _uncommanded(recording, simulator.action)
@@ -86,7 +86,7 @@ def look(recording: Recording, simulator: Simulator) -> Sight:
     held = [] if still else _held(simulator, recording.state.names, constant)
     fixed = {n: 0.0 if n in simulator.velocities else constant.get(n, 0.0) for n in (*dropped, *held)}
     of_held = [c.name for c in simulator.coordinates if c.name in held]
-    return Sight(
+    return ObservedModel(
         reduced(simulator, fixed, of_held),
         tuple(n for n in hidden if n not in fixed),
         tuple(dropped),
@@ -97,7 +97,7 @@ def look(recording: Recording, simulator: Simulator) -> Sight:
     )
 
 
-def check_moves(recording: Recording, simulator: Simulator, sight: Sight) -> None:
+def check_moves(recording: Recording, simulator: Simulator, sight: ObservedModel) -> None:
     """Something must move, and a velocity must where its position does: what never changes may be a dead sensor."""
     names = recording.state.names
     first, last = recording.episodes[0].name, recording.episodes[-1].name

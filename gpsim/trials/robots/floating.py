@@ -17,7 +17,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.trials.bodies import mujoco
 from gpsim.trials.robots.models import FREE, layout_of, spec_of
-from gpsim.trials.robots.moving import changed_model, pieces, rub
+from gpsim.trials.robots.moving import apply_friction, changed_model, pieces
 from gpsim.trials.truth import noise_of
 from gpsim.trials.worlds import Run, TrueEffect, World
 
@@ -68,7 +68,7 @@ class Mover:
             elif e.family == "viscous_friction":
                 model.dof_damping[int(model.jnt_dofadr[layout.joints.index(e.on)])] += value
             elif e.family == "coulomb_friction":
-                rub(model, int(model.jnt_dofadr[layout.joints.index(e.on)]), value, self.h)
+                apply_friction(model, int(model.jnt_dofadr[layout.joints.index(e.on)]), value, self.h)
         self._forces = bool(np.any([self._linear, self._square, self._push]))
         believed = float(changed_model(robot, ()).body_mass.sum()) if robot == "quadrotor" else 0.0
         self.rest = np.full(model.nu, 9.81 * believed / model.nu)

@@ -43,7 +43,7 @@ def touch_free(data: Sequence[Any]) -> FloatArray:
     return np.array([float(d.ncon == 0 and not np.any(d.efc_type == stop)) for d in data])
 
 
-def rub(model: Any, dof: int, force: float, h: float) -> None:
+def apply_friction(model: Any, dof: int, force: float, h: float) -> None:
     """Dry friction of MuJoCo's own on a degree of freedom, as stiff as a step of h s allows."""
     model.dof_frictionloss[dof] += force
     model.dof_solref[dof], model.dof_solimp[dof] = (-1.0, -1.0 / h), HOLDING
@@ -62,7 +62,7 @@ class Plant(Moving):
         own = float(self.model.opt.timestep)
         self.h = h or own / (QUARTER * ceil(own / QUARTER / LONGEST) * (FRICTION if self._grips else 1))
         for j, _, _ in self._grips:
-            rub(self.model, j, 0.0, self.h)
+            apply_friction(self.model, j, 0.0, self.h)
         self._own_grip = np.array(self.model.dof_frictionloss)
         moved = {layout.driven[a]: i for i, a in enumerate(layout.action) if a in layout.servos}
         zeros = [e for e in effects if e.family == "joint_offset" and e.on in moved]
@@ -242,7 +242,7 @@ class Stepped:
             if e.family == "viscous_friction":
                 self.model.dof_damping[j] += e.values["damping"]
             elif e.family == "coulomb_friction":
-                rub(self.model, j, e.values["force"], h)
+                apply_friction(self.model, j, e.values["force"], h)
             elif e.family == "constant_force":
                 self._push[j] += e.values["force"]
         delays = {round(e.values["delay"] / h) for e in effects if e.family == "actuator_delay"}
