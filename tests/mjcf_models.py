@@ -7,7 +7,7 @@ import numpy as np
 import yaml
 
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.setup import Question, prepare
+from gpsim.diagnosis.setup import PreparedProblem, prepare
 from gpsim.stages.diagnose import Task, open_recording
 
 LENGTH, MASS, GRAVITY = 0.8, 1.3, 9.81
@@ -55,7 +55,7 @@ def linked(joints: tuple[str, ...], axis: str, at: str, inertial: str) -> str:
 
 def asked_of(
     folder: Path, text: str, joints: tuple[str, ...], dt: float, noise: float, rows: Iterable[np.ndarray]
-) -> Question:
+) -> PreparedProblem:
     """The question of a chain's log; rows: positions, speeds and commands of its joints, one after the other."""
     names = [*joints, *(f"{n}_dot" for n in joints)]
     state = {n: "rad/s" if n.endswith("_dot") else "rad" for n in names}

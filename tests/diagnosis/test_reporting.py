@@ -1,12 +1,14 @@
 """What the report states beside the effects: what was held out, and every model's share."""
 
+import re
 from dataclasses import replace
 
 import pytest
+from made_diagnoses import made_diagnosis
 
-from gpsim.findings import OverBefore, Ratio, StepErrors
+from gpsim.findings import HeldOutFit, OverBefore, Ratio, Rollout, StepErrors
 from gpsim.recordings import Episode, HeldOut
-from gpsim.reports import diagnosis_page
+from gpsim.reports.diagnosis_page import page
 from gpsim.residuals import held_out_names
 
 from .worlds import World, record
@@ -39,6 +41,15 @@ def test_every_held_out_episode_is_listed_in_the_order_of_its_number(recording):
 )
 def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
     errors = StepErrors(before=1.0, after=0.5, unit="m", over_before=OverBefore(left, left, left, left))
-    assert diagnosis_page._share(errors, "gp") == said
-    assert diagnosis_page._share(errors, "noise_floor") == ""
-    assert diagnosis_page._share(replace(errors, over_before=None), "gp") == ""
+    assert shown(errors) == {"base + GP": said, "noise floor": ""}
+    assert shown(replace(errors, over_before=None)) == {"base + GP": "", "noise floor": ""}
+
+
+def shown(errors):
+    """Of the base's error, in per cent, as the page shows it."""
+    fit = HeldOutFit((), {"q_acc": errors}, Rollout(1.0, {}))
+    line = (
+        page(made_diagnosis(fit=fit), {}, "found").split("of the base's, 90 % interval")[-1].split("</tr>")[0]
+    )
+    cells = dict(re.findall('<td data-head="([^"]*)">([^<]*)</td>', line))
+    return {head: cells[head] for head in ("base + GP", "noise floor")}

@@ -130,7 +130,7 @@ def test_pysindy_installed_later_is_asked_then(proof, fits, monkeypatch):
 def test_a_recording_that_was_exchanged_after_its_diagnosis_is_refused(proof):
     with (proof / "public" / NAME / "recording.csv").open("a") as stream:
         stream.write("\n")
-    with pytest.raises(UsageError, match="not the recording that was diagnosed"):
+    with pytest.raises(UsageError, match="not the diagnosed recording"):
         reveal(proof, proof / "private", NAME)
 
 
