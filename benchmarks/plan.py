@@ -18,7 +18,7 @@ import numpy as np
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
-from gpsim.diagnosis.setup import Question, candidates, prepare
+from gpsim.diagnosis.setup import PreparedProblem, candidates, prepare
 from gpsim.errors import UsageError
 from gpsim.posterior import Explanation, LeftOpen, visited_of
 from gpsim.simulators import make_simulator
@@ -33,7 +33,7 @@ from gpsim.trials.worlds import FROM, World
 TIE = np.log(10.0)
 
 
-def explanations(world: World, question: Question) -> list[Hypothesis]:
+def explanations(world: World, question: PreparedProblem) -> list[Hypothesis]:
     """The true effects, and every other hidden one in the last one's place, to be fitted."""
     problem, simulator = question.everything, question.whole
     offers = {
@@ -53,7 +53,7 @@ def explanations(world: World, question: Question) -> list[Hypothesis]:
     return found
 
 
-def left_open(world: World, question: Question) -> LeftOpen:
+def left_open(world: World, question: PreparedProblem) -> LeftOpen:
     """What the first recording cannot tell apart."""
     problem: Problem = question.everything
     starts = problem.windows.measured[:, 0]

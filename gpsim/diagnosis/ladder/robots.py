@@ -85,9 +85,9 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
         best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
     best = trials.better(best, best.later(), BETTER)
-    with_bodies = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
-    if any(fit.further for fit in with_bodies):
-        best = trials.better(best, [fit for fit in with_bodies if fit.further], 1.0)
+    every_place = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
+    if with_bodies := [trials.better(fit, fit.later(), BETTER) for fit in every_place if fit.further]:
+        best = trials.better(best, with_bodies, 1.0)
         best = trials.surest([best.again(forces) for forces in every])
         best = trials.better(best, best.later(), BETTER)
     # A load in the place of a mass only where that is not enough; also of softer servos, which sag as much.
