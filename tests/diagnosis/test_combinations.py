@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.combinations import WIDE, combinations, open_groups, simple
+from gpsim.diagnosis.assessment.combinations import WIDE, identifiable_combinations, open_groups, simple
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.simulators import make_simulator
@@ -45,7 +45,10 @@ def test_mass_and_gain_and_damping_leave_their_common_scale_open():
         parameter_offset__mass=(1.1,),
         viscous_friction__q=(1.0,),
     )
-    told = {frozenset(zip(c.of, c.exponents, strict=True)): c for c in combinations(problem, found, [])}
+    told = {
+        frozenset(zip(c.of, c.exponents, strict=True)): c
+        for c in identifiable_combinations(problem, found, [])
+    }
     assert len(told) == 2
     names = {name for of in told for name, _ in of}
     assert names == {
@@ -68,23 +71,26 @@ def test_what_a_rival_would_change_instead_belongs_to_it():
     problem, offers = posed(World("slider", filters=[channel_filter(0, lambda u, t, h, m: 0.8 * u)]))
     leader = fitted(problem, offers, actuator_gain__force=(0.9,))
     rival = fitted(problem, offers, parameter_offset__mass=(1.1,))
-    (told,) = combinations(problem, leader, [rival])
+    (told,) = identifiable_combinations(problem, leader, [rival])
     assert set(told.of) == {"actuator_gain on force: gain", "parameter_offset on mass: ratio"}
     assert sorted(told.exponents) == [-1.0, 1.0]
     gain = told.value ** told.exponents[told.of.index("actuator_gain on force: gain")]
     assert gain == pytest.approx(0.8, rel=0.02)
-    assert combinations(problem, leader, []) == ()
+    assert identifiable_combinations(problem, leader, []) == ()
 
 
 def test_what_the_data_fix_each_by_itself_is_no_combination():
     problem, offers = weak_and_damped()
     assert (
-        combinations(
+        identifiable_combinations(
             problem, fitted(problem, offers, actuator_gain__force=(0.9,), viscous_friction__q=(1.0,)), []
         )
         == ()
     )
-    assert combinations(problem, fit(problem, Hypothesis(), problem.windows.measured[:, 0]), []) == ()
+    assert (
+        identifiable_combinations(problem, fit(problem, Hypothesis(), problem.windows.measured[:, 0]), [])
+        == ()
+    )
 
 
 def information(*rows):
