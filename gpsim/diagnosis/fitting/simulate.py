@@ -80,9 +80,8 @@ def by_numpy(batch: Batch, starts: FloatArray, strained: Memory, extra: Extra | 
             sensors.watch(state, values, seen, steps[:, k])
         if j == n - 1:
             out[:, k + 1] = sensors.measure(state, values, seen, steps[:, k])
-    return (
-        clip_diverged(out) if sensors.remember else out
-    )  # a late sensor sees states between those that were tamed
+    # A late sensor sees states between those that were clipped.
+    return clip_diverged(out) if sensors.remember else out
 
 
 def _passed(

@@ -39,7 +39,8 @@ BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usua
 SURE, DRY_ENOUGH = 2.0, 0.02  # deviations, and usual forces: with more friction a joint surely rubs
 PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
-BODIES, AGREED, NAMED = 2, 10.0, 5.0  # that are off at most; deviations of blocks, and nats, that say so
+BODIES, NAMED = 2, 5.0  # that are off at most; nats by which each must describe forces better
+AGREED = 10.0  # deviations by blocks that a mass must have: what no model holds bends blocks apart by more than noise
 GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
 DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
 ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
@@ -53,7 +54,8 @@ Offers = Sequence[Candidate]
 class Sized:
     """What inverse dynamics say: values of parameters by family and place, and their deviations by blocks of the log.
 
-    delay: s, by how much all commands come late; share: of the squared force residual that the rows take off.
+    delay: s, by how much all commands come late; share: of the squared force residual that the rows take off; rubs:
+    whether more than half of the joints surely rub dry.
     """
 
     values: Mapping[tuple[str, str], tuple[float, ...]]
@@ -332,9 +334,8 @@ class _Forces:
         with its place. What drives give does not depend on bodies.
         """
         if row.kind == MASS:
-            return (self._lacking(self._none, row.candidate.term((1.0 + OFF[MASS],))) - self.takes) / OFF[
-                MASS
-            ]
+            heavier = row.candidate.term((1.0 + OFF[MASS],))
+            return (self._lacking(self._none, heavier) - self.takes) / OFF[MASS]
         reach, at = row.candidate.place.reach, np.zeros(3)
         if not row.moment:
             return self._loaded(row.candidate, at)

@@ -34,10 +34,8 @@ SETTLED = 12  # rounds of start states alone, which dry friction lets go but slo
 CHATTERING = 12  # rounds of a fit whose start states stay as measured: its valley is narrow
 CHATTERS = np.geomspace(0.05, 20.0, 150)  # times a usual size, at which such friction is looked for
 DRIVES, LEAVES = 2, 0.02  # laws that remember, at most; of a robot's misfit, left before any is asked
-CRUMB, AS_BELIEVED = (
-    0.01,
-    0.03,
-)  # of a joint's usual force; of a ratio: so slight a row changes nothing that anyone knows
+CRUMB = 0.01  # of a joint's usual force: no row that is so slight changes what it does
+AS_BELIEVED = 0.03  # of a servo's gain or a mass: nobody knows these better beforehand
 OF_ROWS = 10.0  # times the misfit that is a crumb otherwise: a robot's base whirls
 PROBED = 3  # laws that are fitted of those that promise most
 
