@@ -41,7 +41,7 @@ begun, (recording, simulator) = time.monotonic(), sys.argv[1:3]
 # An editable installation would lend this commit's files to a commit that has none of the name.
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in repr(finder).lower()]
 try:
-    import gpsim.face
+    import gpsim.api
 except ImportError:  # before there was a Python face
     from pathlib import Path
     from gpsim.diagnosis.diagnosis import diagnose

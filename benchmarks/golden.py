@@ -1,12 +1,17 @@
-"""Whether two states of the code give the same answers to the byte: diagnosis.json and corrected.json, side by side.
+"""Whether two states of the code give the same answers: digests of what the commands write and print, side by side.
 
-    python benchmarks/golden.py --base c9eb1aa [--out runs/golden] [--only emps world-single-0003] [--count 4]
+    python benchmarks/golden.py NEW.json [--against OLD.json] [--code COMMIT] [--only recordings models ...]
 
-The base is a commit; compared with it is the checkout as it stands, or another commit (`--with`). Both run here, in one
-run, with the Python that runs this. Diagnosed are the recordings of both loops, the open real ones where they lie
-(GPSIM_RECORDINGS, see data/README.md) and forty concealed worlds of a tuning seed: 25 of one effect, 12 of two, one
-without, two with physics outside the catalogue; each family is among them, most twice. The base makes the inputs. What
-a commit has answered is kept in OUT and not asked again; what the checkout answers is not. Exit code 1: they differ.
+Asked is the checkout, or a commit laid out beside it (`--code`), with the Python that runs this. The groups:
+
+    recordings  the open recordings where they lie (GPSIM_RECORDINGS, see data/README.md), imported and inspected
+    loops       both loops on the smoke budget: their artifacts and manifests
+    models      an arm diagnosed, its corrected model exported and rolled out
+    proof       forty concealed worlds of a tuning seed, diagnosed with few windows, revealed: every score
+    worlds      only where --only names it: eight worlds diagnosed as a user would, a minute each
+
+Files lie in the folder NEW beside NEW.json, for a look at what differs. Times, paths, commits, versions and keys that
+follow from the source are left out of a digest. Exit code 1: they differ from OLD.json.
 """
 
 from __future__ import annotations
@@ -15,235 +20,232 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(os.environ.get("GPSIM_RECORDINGS", ROOT.parent / "shared" / "recordings"))
-TANKS = f"{ROOT / 'docs' / 'examples' / 'cascaded_tanks.py'}:CascadedTanks"
-SEED = 30  # a tuning seed, of 1 to 99: all 27 families occur in its forty worlds, 19 of them at least twice
-STRATA = {"single": 25, "pair": 12, "none": 1, "unknown": 2}
-COMPARED = ("diagnosis.json", "corrected.json")
-CHECKOUT = "checkout"
-REAL = {
-    "emps": "emps/DATA_EMPS.mat",
-    "rig": "physical_cartpole/balancing",
-    "rig-held": "physical_cartpole/free_swing",
-    "dart": "dart_jetracer/bags/4_sept_random_driving_slow.bag",
-    "f1tenth": "f1tenth_track",
-    "pendulum": "simple_pendulum",
-    "tanks": "cascaded_tanks/dataBenchmark.csv",
+SEED = "30"  # a tuning seed, of 1 to 99
+RECORDINGS = {
+    "emps": ("emps/DATA_EMPS.mat", "emps"),
+    "rig": ("physical_cartpole/balancing", "physical_cartpole"),
+    "rig-held": ("physical_cartpole/free_swing", "physical_cartpole"),
+    "dart": ("dart_jetracer/bags/4_sept_random_driving_slow.bag", "dart_jetracer"),
+    "dart-ros2": ("dart_jetracer/bags/slow_ros2_sqlite3", "dart_jetracer"),
+    "f1tenth": ("f1tenth_track", "f1tenth_track"),
+    "pendulum": ("simple_pendulum", "simple_pendulum"),
+    "tanks": ("cascaded_tanks/dataBenchmark.csv", "cascaded_tanks"),
 }
-MAPPINGS = {
-    "emps": "emps",
-    "rig": "physical_cartpole",
-    "rig-held": "physical_cartpole",
-    "dart": "dart_jetracer",
-    "f1tenth": "f1tenth_track",
-    "pendulum": "simple_pendulum",
-    "tanks": "cascaded_tanks",
-}
+CHEAP = [
+    *("--cores", "1", "diagnose.windows.fitted=40", "diagnose.windows.searched=20", "diagnose.rollouts.most=20"),
+    *("diagnose.rollouts.draws=40", "diagnose.gp.rows=50", "diagnose.gp.steps=200"),
+]  # fmt: skip
+WORLDS = {"plain": 24, "words": 6, "curves": 4, "rough": 3, "machines": 2, "plan": 1}
+"""Kind of concealed worlds -> how many; together forty."""
+VOLATILE = {
+    *("code", "key", "keys", "parents", "versions", "packages", "git_commit", "diagnosed_under", "finished", "made"),
+    *("seconds", "created", "started", "host", "python", "platform", "gpsim", "version", "commit"),
+}  # fmt: skip
+"""Keys of JSON files that say when, where and with which source a file was made."""
+LEFT_OUT = {"timings.json", "outcome.json"}
+TIMES = re.compile(
+    rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?(\.\d+)?(Z|[+-]\d\d:?\d\d| UTC)?|\b[0-9a-f]{7,64}\b"
+)
+CALLS = """
+import contextlib, json, sys, time
+from gpsim.cli.main import main
+for name, words in json.load(sys.stdin):
+    begun = time.process_time()
+    sys.argv = ["gpsim", "-q", *words]
+    with open(f"said/{name}.txt", "w") as said, contextlib.redirect_stdout(said):
+        try:
+            main()
+        except SystemExit as ended:
+            if ended.code:
+                print("exit code", ended.code)
+    print(f"{name}: {time.process_time() - begun:.1f} s of the processor", file=sys.stderr)
+"""
+"""Several commands in one process, which compiles and imports once; what each prints goes into said/."""
+ROLLOUT = """
+import json, sys
+import numpy as np
+sys.path.insert(0, ".")
+from arm_corrected import Robot
+robot, path = Robot(), []
+robot.reset([0.3, -0.4], [0.0, 0.0])
+for k in range(200):
+    robot.step([2.0 * np.sin(0.05 * k), np.cos(0.08 * k)])
+    path.append(np.concatenate(robot.measured()).tolist())
+json.dump(path, open("rollout.json", "w"))
+"""
+"""The exported model, moved for 200 control steps by its own wrapper."""
+OUTCOMES = """
+import json, sys
+from pathlib import Path
+from gpsim.trials.blinding import published, recording_digests
+out = Path("p")
+for name, digest in published(out).items():
+    known = {"answer_sha256": digest, "git_commit": None, "recording": recording_digests(out / "public" / name)}
+    made = out / "diagnoses" / name
+    code = 0 if (made / "diagnosis" / "diagnosis.json").is_file() else 3
+    made.mkdir(parents=True, exist_ok=True)
+    outcome = {"exit": code, "seconds": 1.0, "error": None, **known}
+    (made / "outcome.json").write_text(json.dumps(outcome))
+"""
+"""What `gpsim prove diagnose` writes beside a diagnosis, beside ones that were made with fewer windows."""
+Call = tuple[str, Sequence[str]]
 
 
-@dataclass(frozen=True)
-class Code:
-    """A state of the code, laid out as the package that is imported. name: a commit's hash, or the checkout."""
-
-    name: str
-    path: Path
-
-    def run(self, words: Sequence[str], cwd: Path) -> str:
-        """What a gpsim command of this state says on stderr where it fails; empty where it does not."""
-        environment = os.environ | {"PYTHONPATH": str(self.path), "OMP_NUM_THREADS": "1"}
-        command = [sys.executable, "-c", "from gpsim.cli.main import main; main()", *words]
-        done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
-        return done.stderr.strip() or f"exit code {done.returncode}" if done.returncode else ""
-
-
-@dataclass(frozen=True)
-class Case:
-    """A recording to be diagnosed; words: what the command is told beside it."""
-
-    name: str
-    recording: Path
-    words: tuple[str, ...] = ()
-
-
-def commit_of(name: str) -> str:
-    """The full hash of a commit."""
-    found = subprocess.run(
-        ["git", "rev-parse", "--verify", f"{name}^{{commit}}"],
-        cwd=ROOT, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if found.returncode:
-        raise SystemExit(f"error: no commit {name}")
-    return found.stdout.strip()
-
-
-def laid_out(name: str, shelf: Path) -> Code:
-    """The package as a commit or the checkout has it: gpsim/ with cli/ and conf/ inside, as it is installed."""
-    place = shelf / "code" / name
-    shutil.rmtree(place, ignore_errors=True)
+def laid_out(commit: str, place: Path) -> Path:
+    """The package as a commit has it: gpsim/ with cli/ and conf/ inside, as it is installed."""
+    if place.is_dir():
+        return place
     place.mkdir(parents=True)
-    if name == CHECKOUT:
-        for folder in ("gpsim", "cli", "conf"):
-            shutil.copytree(ROOT / folder, place / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    else:
-        packed = subprocess.run(
-            ["git", "archive", "--format=tar", name, "gpsim", "cli", "conf"],
-            cwd=ROOT, capture_output=True, check=True,
-        )  # fmt: skip
-        with tarfile.open(fileobj=BytesIO(packed.stdout)) as archive:
-            archive.extractall(place, filter="data")
+    command = ["git", "archive", "--format=tar", commit, "gpsim", "cli", "conf"]
+    packed = subprocess.run(command, cwd=ROOT, capture_output=True, check=True)
+    with tarfile.open(fileobj=BytesIO(packed.stdout)) as archive:
+        archive.extractall(place, filter="data")
     for folder in ("cli", "conf"):
         (place / folder).rename(place / "gpsim" / folder)
-    return Code(name, place)
+    return place
 
 
-def cases(base: Code, shelf: Path) -> list[Case]:
-    """All recordings, made by the base's code where they are not there yet."""
-    place = shelf / "inputs" / base.name
-    place.mkdir(parents=True, exist_ok=True)
-    return [*_loops(base, place), *_real(base, place), *_worlds(base, place)]
+def called(code: Path, cwd: Path, calls: Sequence[Call], program: str = CALLS) -> None:
+    """Make the calls in one process that imports `code`."""
+    (cwd / "said").mkdir(parents=True, exist_ok=True)
+    environment = os.environ | {"PYTHONPATH": str(code), "OMP_NUM_THREADS": "1", "COLUMNS": "100"}
+    command, words = [sys.executable, "-c", program], json.dumps(list(calls))
+    done = subprocess.run(
+        command, cwd=cwd, env=environment, input=words, text=True, check=False, stderr=subprocess.PIPE
+    )
+    (cwd / "said" / f"stderr-{calls[0][0]}.log").write_text(done.stderr, encoding="utf-8")
+    if done.returncode:
+        raise SystemExit(f"error: {calls[0][0]}: {done.stderr[-2000:]}")
 
 
-def _loops(code: Code, place: Path) -> Iterator[Case]:
-    for experiment in ("cartpole", "limo"):
-        target = place / f"loop-{experiment}"
-        if not target.is_dir():
-            words = [f"experiment={experiment}", "budget=smoke"]
-            if experiment == "cartpole":
-                _must(code, ["train-source", *words], place)
-            _must(code, ["collect", *words, "--out", str(target)], place)
-        yield Case(target.name, target)
-
-
-def _real(code: Code, place: Path) -> Iterator[Case]:
+def recordings(code: Path, cwd: Path) -> None:
+    """Import every open recording, and inspect it as a raw log of which nothing is known."""
     if not FOLDER.is_dir():
-        print(f"no real recordings at {FOLDER}: set GPSIM_RECORDINGS; the rest goes on", file=sys.stderr)
+        print(f"no recordings at {FOLDER}: set GPSIM_RECORDINGS; the rest goes on", file=sys.stderr)
         return
-    for name, source in REAL.items():
-        target = place / name
-        if not target.is_dir():
-            mapping = ["--mapping", MAPPINGS[name]]
-            _must(code, ["import", str(FOLDER / source), *mapping, "--out", str(target)], place)
-        yield Case(name, target, ("--simulator", TANKS) if name == "tanks" else ())
+    calls: list[Call] = []
+    for name, (source, mapping) in RECORDINGS.items():
+        raw = str(FOLDER / source)
+        calls.append((f"import-{name}", ["import", raw, "--mapping", mapping, "--out", name]))
+        calls.append((f"inspect-{name}", ["import", raw, "--inspect"]))
+    called(code, cwd, calls)
 
 
-def _worlds(code: Code, place: Path) -> Iterator[Case]:
-    for stratum, count in STRATA.items():
-        out = place / f"worlds-{stratum}"
-        if not (out / "public" / "answers.sha256").is_file():
-            words = ["--trials", str(count), "--seed", str(SEED), "--stratum", stratum, "--no-long"]
-            _must(code, ["prove", "conceal", "--out", str(out), *words], place)
-        for folder in sorted(p for p in (out / "public").iterdir() if p.is_dir()):
-            yield Case(f"world-{stratum}-{folder.name}", folder)
+def loops(code: Path, cwd: Path) -> None:
+    """Both loops on the smoke budget."""
+    words = {n: ["run", "full-loop", f"experiment={n}", "budget=smoke"] for n in ("cartpole", "limo")}
+    called(code, cwd, list(words.items()))
 
 
-def _must(code: Code, words: Sequence[str], cwd: Path) -> None:
-    if said := code.run(words, cwd):
-        raise SystemExit(f"error: gpsim {' '.join(words)}: {said}")
+def models(code: Path, cwd: Path) -> None:
+    """One drive of an arm, asked for two families; its corrected model as MJCF, and where that goes."""
+    rows = (ROOT / "data" / "arm.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    cwd.mkdir(parents=True)
+    (cwd / "arm.csv").write_text("".join(rows[:152]), encoding="utf-8")
+    few = ["diagnose.windows.fitted=8", "diagnose.windows.searched=4", "diagnose.rollouts.most=5"]
+    few.append("diagnose.families.only=[coulomb_friction,actuator_dead_zone]")
+    model = str(ROOT / "data" / "arm.xml")
+    asked = ["diagnose", "arm.csv", "--simulator", model, "--out", "arm", *CHEAP, *few]
+    written = ["export", "model", "arm", "--out", "arm_corrected.xml", "--urdf"]
+    called(code, cwd, [("diagnose-arm", asked), ("export-arm", written)])
+    called(code, cwd, [("rollout", [])], ROLLOUT)
 
 
-def answered(code: Code, case: Case, shelf: Path) -> tuple[Path, float]:
-    """The folder of a state's answer to a case, and seconds by the clock; what a commit has answered is kept."""
-    folder = shelf / "answers" / code.name / case.name
-    done = folder / "seconds.json"
-    if done.is_file() and code.name != CHECKOUT:
-        return folder, float(json.loads(done.read_text(encoding="utf-8")))
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    begun = time.monotonic()
-    words = ["diagnose", str(case.recording), "--out", str(folder), "--cores", "1", *case.words]
-    said = code.run(words, shelf)
-    seconds = time.monotonic() - begun
-    folder.mkdir(exist_ok=True)
-    if said:
-        (folder / COMPARED[0]).write_text(json.dumps({"refused": said.splitlines()[-1]}), encoding="utf-8")
-    done.write_text(json.dumps(seconds), encoding="utf-8")
-    return folder, seconds
+def proof(code: Path, cwd: Path) -> None:
+    """Conceal, diagnose with few windows, reveal."""
+    counts = [w for kind in ("curves", "rough", "machines", "plan") for w in (f"--{kind}", str(WORLDS[kind]))]
+    plain = ["--trials", str(WORLDS["plain"]), "--no-long", *counts]
+    words = ["--trials", str(WORLDS["words"]), "--stratum", "words"]
+    conceal = ["prove", "conceal", "--out", "p", "--seed", SEED, "--jobs", "1"]
+    called(code, cwd, [("conceal", [*conceal, *plain]), ("conceal-words", [*conceal, *words])])
+    calls: list[Call] = []
+    for folder in sorted(p for p in (cwd / "p" / "public").iterdir() if p.is_dir()):
+        shown = sorted(str(p.parent.relative_to(cwd)) for p in folder.rglob("recording.yaml"))
+        target = f"p/diagnoses/{folder.name}/diagnosis"
+        calls.append((folder.name, ["diagnose", *shown, "--out", target, *CHEAP]))
+    called(code, cwd, calls)
+    called(code, cwd, [("outcomes", [])], OUTCOMES)
+    called(code, cwd, [("reveal", ["prove", "reveal", "--out", "p", "--jobs", "1"])])
 
 
-def differences(one: Path, other: Path) -> list[str]:
-    """Where the compared files of two answers differ; empty where they are equal to the byte."""
-    out = []
-    for name in COMPARED:
-        pair = [folder / name for folder in (one, other)]
-        texts = [p.read_bytes() if p.is_file() else b"null" for p in pair]
-        if texts[0] != texts[1]:
-            found = list(_unequal(*(json.loads(t) for t in texts), name.removesuffix(".json")))
-            out += found or [f"{name}: other bytes, the same values"]
-    return out
+def worlds(code: Path, cwd: Path) -> None:
+    """Eight worlds, as a user would."""
+    called(
+        code,
+        cwd,
+        [("conceal", ["prove", "conceal", "--out", "w", "--seed", SEED, "--trials", "8", "--no-long"])],
+    )
+    found = sorted(p.name for p in (cwd / "w" / "public").iterdir() if p.is_dir())
+    called(code, cwd, [(n, ["diagnose", f"w/public/{n}", "--out", n, "--cores", "1"]) for n in found])
 
 
-def _unequal(one: Any, other: Any, path: str) -> Iterator[str]:
-    """Leaves in which two JSON values differ."""
-    if isinstance(one, dict) and isinstance(other, dict):
-        for key in sorted({*one, *other}):
-            yield from _unequal(one.get(key), other.get(key), f"{path}.{key}")
-    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        for i, (a, b) in enumerate(zip(one, other, strict=True)):
-            yield from _unequal(a, b, f"{path}[{i}]")
-    elif one != other:
-        yield f"{path}: {_short(one)} and {_short(other)}"
+GROUPS = {f.__name__: f for f in (recordings, loops, models, proof, worlds)}
 
 
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) < 80 else f"{text[:77]}..."
+def digests(folder: Path) -> Iterator[tuple[str, str]]:
+    """Name and digest of every file that is an answer."""
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        name = path.relative_to(folder).as_posix()
+        if path.suffix == ".log" or path.name in LEFT_OUT or "/." in f"/{name}" or "__pycache__" in name:
+            continue
+        content = path.read_bytes().replace(str(ROOT).encode(), b"ROOT")
+        if path.suffix == ".json":
+            content = json.dumps(_lasting(json.loads(content)), sort_keys=True).encode()
+        elif path.suffix in (".html", ".md", ".txt", ".xml", ".diff", ".py"):
+            content = TIMES.sub(b"", content)
+        yield name, hashlib.sha256(content).hexdigest()[:16]
 
 
-def digest(folder: Path) -> str:
-    """A few digits that stand for an answer."""
-    files = [folder / name for name in COMPARED if (folder / name).is_file()]
-    return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]
+def _lasting(value: Any) -> Any:
+    """A JSON value without what says when, where and with which source it was made."""
+    if isinstance(value, dict):
+        return {k: _lasting(v) for k, v in value.items() if k not in VOLATILE}
+    return list(map(_lasting, value)) if isinstance(value, list) else value
 
 
 def main() -> None:
-    """Ask both states everything, and say where they differ."""
+    """Ask everything, write the digests, and say where they differ from others."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--base", required=True, help="a commit")
-    parser.add_argument("--with", dest="head", default=CHECKOUT, help="another one; the checkout by default")
-    parser.add_argument("--out", type=Path, default=Path("runs/golden"))
-    parser.add_argument("--only", nargs="*", default=[], help="names of cases, or how they begin")
-    parser.add_argument("--every", type=int, default=1, help="only every so many-th case: a quick look")
+    parser.add_argument("new", type=Path, help="where the digests go")
+    parser.add_argument("--against", type=Path, help="digests of another state of the code")
+    parser.add_argument("--code", help="a commit; the checkout by default")
+    parser.add_argument("--only", nargs="*", choices=GROUPS, default=[g for g in GROUPS if g != "worlds"])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     given = parser.parse_args()
-    shelf = given.out.resolve()
-    base = laid_out(commit_of(given.base), shelf)
-    head = laid_out(CHECKOUT if given.head == CHECKOUT else commit_of(given.head), shelf)
-    every = cases(base, shelf)[:: given.every]
-    chosen = [c for c in every if not given.only or c.name.startswith(tuple(given.only))]
-
-    def both(case: Case) -> tuple[Case, list[str], tuple[float, float], str]:
-        (before, old), (after, new) = answered(base, case, shelf), answered(head, case, shelf)
-        return case, differences(before, after), (old, new), digest(after)
-
-    different = 0
+    place = given.new.resolve().with_suffix("")
+    code = ROOT if given.code is None else laid_out(given.code, place.parent / f"code-{given.code}")
     with ThreadPoolExecutor(given.jobs) as pool:
-        for case, found, (old, new), what in pool.map(both, chosen):
-            print(
-                f"{'DIFFERS' if found else 'equal  '} {case.name:<24} {what}  {old:6.1f} s {new:6.1f} s",
-                flush=True,
-            )
-            different += bool(found)
-            for line in found[:6]:
-                print(f"          {line}", flush=True)
+        for group in given.only:
+            shutil.rmtree(place / group, ignore_errors=True)
+        list(pool.map(lambda group: GROUPS[group](code, place / group), given.only))
+    made = {f"{group}/{name}": value for group in given.only for name, value in digests(place / group)}
+    given.new.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+    print(f"{len(made)} digests in {given.new}")
+    if given.against is None:
+        return
+    known = json.loads(given.against.read_text(encoding="utf-8"))
+    known = {name: value for name, value in known.items() if name.partition("/")[0] in given.only}
+    differing = sorted(name for name in {*made, *known} if made.get(name) != known.get(name))
+    print(*(f"DIFFERS {name}" for name in differing), sep="\n")
     print(
-        f"{len(chosen) - different} of {len(chosen)} equal to the byte: {base.name[:7]} and {head.name[:7]}"
+        f"{len({*made, *known}) - len(differing)} of {len({*made, *known})} equal to those of {given.against}"
     )
-    sys.exit(1 if different else 0)
+    sys.exit(1 if differing else 0)
 
 
 if __name__ == "__main__":

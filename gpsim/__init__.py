@@ -13,8 +13,8 @@ an underscore, may change with any release. Names load when they are first asked
 
 from typing import TYPE_CHECKING
 
+from gpsim.api.registration import register_environments as _register_environments
 from gpsim.doors import opened as _opened
-from gpsim.face.registration import register_environments as _register_environments
 
 __version__ = "0.2.0"
 
@@ -41,16 +41,16 @@ __all__ = [
 
 if TYPE_CHECKING:
     from gpsim import effects, errors
+    from gpsim.api.corrected import CorrectedSimulator
+    from gpsim.api.diagnosis import Diagnosis, diagnose
+    from gpsim.api.environment import make_env
+    from gpsim.api.evaluation import Evaluation, evaluate
+    from gpsim.api.planning import Watcher, plan
+    from gpsim.api.processes import fit_gp
+    from gpsim.api.recordings import read_recording, recording_from_frame
+    from gpsim.api.simulators import load_simulator
     from gpsim.diagnosis.settings import Settings
     from gpsim.errors import UsageError
-    from gpsim.face.corrected import CorrectedSimulator
-    from gpsim.face.diagnosis import Diagnosis, diagnose
-    from gpsim.face.environment import make_env
-    from gpsim.face.evaluation import Evaluation, evaluate
-    from gpsim.face.planning import Watcher, plan
-    from gpsim.face.processes import fit_gp
-    from gpsim.face.recordings import read_recording, recording_from_frame
-    from gpsim.face.simulators import load_simulator
     from gpsim.recordings import Recording
 else:
     __getattr__ = _opened(__name__)

@@ -20,7 +20,7 @@ if IN_WORKER and hasattr(os, "sched_setaffinity"):
 # Half a minute or more each: begun first, so that no process ends alone with one of them.
 LONG = (
     "diagnosis/test_named.py", "cli/test_json.py", "trials/test_outside_kinds.py", "trials/test_blind.py",
-    "mjcf/test_whole_robots.py", "face/test_diagnosis.py", "diagnosis/test_form.py", "trials/test_truth.py",
+    "mjcf/test_whole_robots.py", "api/test_diagnosis.py", "diagnosis/test_form.py", "trials/test_truth.py",
 )  # fmt: skip
 
 

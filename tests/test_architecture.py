@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 LEVELS = [
     {"cli"},
-    {"face"},
+    {"api"},
     {"stages"},
     {"reports"},
     {"planning", "watching"},
@@ -194,13 +194,13 @@ def test_only_stages_and_cli_know_configs_and_only_policies_know_stable_baseline
         assert not roots & {"pickle", "cPickle", "dill", "joblib", "cloudpickle"}, path
 
 
-def test_nothing_inside_imports_the_face():
+def test_nothing_inside_imports_the_api():
     """`import gpsim` is for those outside: inside, a name is taken from the room that has it."""
     for path in FILES:
-        if path == ROOT / "gpsim" / "__init__.py" or room_of(module_of(path)) == "face":
+        if path == ROOT / "gpsim" / "__init__.py" or room_of(module_of(path)) == "api":
             continue
         for name, taken in imported(path).items():
-            assert room_of(name) != "face", path
+            assert room_of(name) != "api", path
             assert name != "gpsim" or taken <= {"__version__"}, path
 
 

@@ -191,8 +191,8 @@ def _items(body: list[str]) -> list[tuple[str, str]]:
 
 
 def _environments() -> str:
-    from gpsim.face import environment
-    from gpsim.face.registration import ENVIRONMENTS as IDS
+    from gpsim.api import environment
+    from gpsim.api.registration import ENVIRONMENTS as IDS
 
     rows = []
     for name, entry in IDS.items():

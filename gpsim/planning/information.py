@@ -58,16 +58,16 @@ def nothing_played(models: Sequence[Model]) -> Sums:
 
 def summed(models: Sequence[Model], said: Sequence[FloatArray], noise: FloatArray) -> Sums:
     """Of what each model says (C, E, L + 1, S); noise (S,), infinite where nothing is measured."""
-    gap, courses, slopes = models[0].machine.simulator.state_error, [s[0] for s in said], []
+    state_error, courses, slopes = models[0].machine.simulator.state_error, [s[0] for s in said], []
     for model, one in zip(models, said, strict=True):
-        moved = gap(one[1 : 1 + model.size], one[:1]) / noise
+        moved = state_error(one[1 : 1 + model.size], one[:1]) / noise
         flat = moved.reshape(model.size, moved.shape[1], -1) / model.nudges[:, None, None]
         slopes.append(np.moveaxis(flat, 0, 2))  # (E, N, P)
     squares, against = {}, {}
     for a in range(len(models)):
         for b in range(len(models)):
             if a != b:
-                left = (gap(courses[a], courses[b]) / noise).reshape(courses[a].shape[0], -1)
+                left = (state_error(courses[a], courses[b]) / noise).reshape(courses[a].shape[0], -1)
                 squares[a, b] = (left**2).sum(axis=1)
                 against[a, b] = np.einsum("enp,en->ep", slopes[b], left)
     return Sums(tuple(np.einsum("enp,enq->epq", s, s) for s in slopes), squares, against)

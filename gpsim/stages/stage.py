@@ -23,7 +23,7 @@ from gpsim.settings import whole
 from gpsim.simulators import source_file
 from gpsim.workers import WorkerDiedError
 
-APART = ("cli", "conf", "face", "launchers", "trials")
+APART = ("cli", "conf", "api", "launchers", "trials")
 """Folders that no diagnosis rests on."""
 
 

@@ -4,7 +4,7 @@ The files, each of which knows only those before it:
 
     worlds, driving               what a concealed world is, as plain data, and how it is driven
     catalogue                     the catalogue's laws and their strengths, written a second time
-    outside, outside_*            physics outside the catalogue, a table of kinds
+    out_of_catalogue*             physics outside the catalogue, a table of kinds
     bodies, truth, shares         what truly happens in a world, and how visible each effect is
     drawing, rough, machines      a world from a seed and a trial's number
     robots                        the same of worlds whose simulator is a MuJoCo model, and how they move

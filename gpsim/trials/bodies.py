@@ -13,12 +13,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.trials import catalogue, outside
+from gpsim.trials import catalogue, out_of_catalogue
 from gpsim.trials.worlds import SYSTEMS, Parameters, TrueEffect, Values, dynamics, load_on_track
 
-TWISTS, HIDDEN_TWISTS = outside.at_site("twist after"), outside.at_site("hidden twist")
-FORCES, COUPLED = outside.at_site("force"), outside.at_site("coupled force")
-INERTIAS, HIDDEN = outside.at_site("inertia"), outside.at_site("hidden force")
+TWISTS, HIDDEN_TWISTS = out_of_catalogue.at_site("twist after"), out_of_catalogue.at_site("hidden twist")
+FORCES, COUPLED = out_of_catalogue.at_site("force"), out_of_catalogue.at_site("coupled force")
+INERTIAS, HIDDEN = out_of_catalogue.at_site("inertia"), out_of_catalogue.at_site("hidden force")
 STILL = 1e-12  # below this a velocity is rounding
 
 
@@ -132,7 +132,7 @@ class Body(Moving):
         """Two of every force that has some."""
         parts = []
         for effect, c in self._hidden:
-            kind, (q, v) = outside.EVERY_KIND[effect.family], s[:, 2 * c : 2 * c + 2].T
+            kind, (q, v) = out_of_catalogue.EVERY_KIND[effect.family], s[:, 2 * c : 2 * c + 2].T
             begun = kind.start(q, v) if kind.start else (np.full_like(q, kind.first), np.zeros_like(q))
             parts.append(np.stack(begun, axis=1))
         parts += [np.zeros((len(s), 2)) for _ in self._bristles]
@@ -186,7 +186,7 @@ class Body(Moving):
         drift = []
         for i, (effect, c) in enumerate(self._hidden):
             place, rate = z[:, 2 * i], z[:, 2 * i + 1]
-            if more := outside.EVERY_KIND[effect.family].inertia:
+            if more := out_of_catalogue.EVERY_KIND[effect.family].inertia:
                 inverse = with_inertia(inverse, c, more(effect.values, place))
             push, *rates = HIDDEN[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1], place, rate)
             force[:, c] += push

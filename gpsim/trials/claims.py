@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import outside
+from gpsim.trials import out_of_catalogue
 from gpsim.trials.blinding import Answer
 from gpsim.trials.judged import place_of
 
@@ -38,7 +38,7 @@ def listed(claims: Claim) -> list[list[str]]:
 
 def words_of(effects: Sequence[Json]) -> set[Identity]:
     """What the catalogue calls those effects of an answer whose kinds have become its words."""
-    kinds = [(outside.EVERY_KIND[e["family"]].word, str(e["on"])) for e in effects if e["outside"]]
+    kinds = [(out_of_catalogue.EVERY_KIND[e["family"]].word, str(e["on"])) for e in effects if e["outside"]]
     return {(family, on) for family, on in kinds if family}
 
 

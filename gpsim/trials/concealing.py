@@ -21,7 +21,7 @@ from gpsim.trials.drawing import box_of, draw, draw_plan, slow_waves
 from gpsim.trials.driving import played as by_commands
 from gpsim.trials.driving import sound
 from gpsim.trials.machines import ARM, counts, draw_machine, kind_of
-from gpsim.trials.outside import true_curve
+from gpsim.trials.out_of_catalogue import true_curve
 from gpsim.trials.rough import draw_rough, within
 from gpsim.trials.shares import Shares, visibilities
 from gpsim.trials.truth import OneStep, one_step, run
@@ -168,7 +168,7 @@ def _rough(seed: int, number: int, attempt: int) -> Concealed | None:
     if world is None or ran is None or world.rough is None:
         return None
     found = Shares(world, ran.truth, ran.kept)
-    main, nuisances = found.main(), [found.of(e) for e in world.effects if e.outside]
+    main, nuisances = found.main(), [found.of(e) for e in world.effects if e.out_of_catalogue]
     if not found.counts.any() or not all(map(within, nuisances)):
         return None
     if not all(m.importance >= IMPORTANT and m.needed >= NEEDED for m in main):
@@ -222,7 +222,7 @@ def _machine(seed: int, number: int, attempt: int) -> Concealed | None:
     first = ran[0]
     shares = Shares(first.world, first.truth, first.kept)
     made = [shares.of(e) for e in first.world.effects]
-    nuisances = [share for e, share in zip(first.world.effects, made, strict=True) if e.outside]
+    nuisances = [share for e, share in zip(first.world.effects, made, strict=True) if e.out_of_catalogue]
     if not counts(shares, first.world.effects) or not all(map(within, nuisances)):
         return None
     logs = [logged(r.world, r.world.rough or Rough(), r.even) for r in ran]

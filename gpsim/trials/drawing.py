@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import catalogue, outside
+from gpsim.trials import catalogue, out_of_catalogue
 from gpsim.trials.bodies import native
 from gpsim.trials.driving import BODY_SIGNALS, GRADED_SIGNALS, PLAYED, VEHICLE_SIGNALS
-from gpsim.trials.outside import CURVES
+from gpsim.trials.out_of_catalogue import CURVES
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FROM,
@@ -67,7 +67,7 @@ def systems_of(family: str) -> list[str]:
 
 def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family, or a kind outside the catalogue, can act on in a system, so that a recording can show it."""
-    return outside.LAWS[family].places(system, velocities)
+    return out_of_catalogue.LAWS[family].places(system, velocities)
 
 
 def digits(value: float) -> float:
@@ -101,7 +101,7 @@ def first_family(seed: int, stratum: Stratum, rank: int) -> str | None:
     apart = {
         "words": [name for name, word in catalogue.WORDS.items() if word.asked],
         "curves": CURVES,
-        "unknown": outside.drawn(seed) if stratum == "unknown" else (),
+        "unknown": out_of_catalogue.drawn(seed) if stratum == "unknown" else (),
     }
     names = sorted(apart.get(stratum, catalogue.DECK))
     cycle, place = divmod(rank, len(names))
@@ -125,7 +125,9 @@ def draw(seed: int, number: int, attempt: int = 0) -> World:
     scales = Scales(world, run(replace(world, engine="rk4"), (), world.dt / 4))
     world = with_effects(world, chosen, scales, (0.0, 1.0), rng)
     made = world.effects
-    native_ones = not system.vehicle and all(not outside.LAWS[e.family].of_body or native(e) for e in made)
+    native_ones = not system.vehicle and all(
+        not out_of_catalogue.LAWS[e.family].of_body or native(e) for e in made
+    )
     # MuJoCo's friction yields for a step at every stop, which clean sensors would show as physics of its own.
     native_ones = native_ones and not (
         world.noise_level == "clean" and any(e.family in catalogue.GRIP for e in made)
@@ -167,7 +169,7 @@ def bare_world(
     wanted = log_even(rng, low, high)
     steps = int(rng.uniform(120, 260) if system.vehicle else rng.uniform(160, 400))
     signals: tuple[str, ...] = VEHICLE_SIGNALS if system.vehicle else BODY_SIGNALS
-    known = [outside.LAWS[f] for f, _ in effects]
+    known = [out_of_catalogue.LAWS[f] for f, _ in effects]
     if any(f.needs_levels for f in known) and rng.random() < 0.85:
         signals = tuple(signal for signal in signals if signal in GRADED_SIGNALS)
     blind = {signal for f in known for signal in f.unseen_under}
@@ -207,8 +209,8 @@ def with_effects(
 
 def effect(family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng: Rng) -> TrueEffect:
     """A family, or a kind outside the catalogue, on a place, as strong as the dial says; perhaps gated."""
-    outer = family in outside.EVERY_KIND
-    values = outside.LAWS[family].drawn(scales, on, dial)
+    outer = family in out_of_catalogue.EVERY_KIND
+    values = out_of_catalogue.LAWS[family].drawn(scales, on, dial)
 
     def region(channel: str) -> dict[str, tuple[float, float]]:
         """An interval that holds between a fifth and a half of the base run's samples, or is open to one side."""

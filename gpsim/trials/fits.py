@@ -247,22 +247,15 @@ def digests_of(outcome: Json) -> dict[str, Any]:
     return {key: outcome[key] for key in ("answer_sha256", "recording")}
 
 
-def kept_or_made(
-    out: Path, name: str, follows_from: Json, make: Callable[[], dict[str, Any]]
-) -> dict[str, Any]:
+def memoized(out: Path, name: str, follows_from: Json, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """What is kept of a trial, made anew where it follows from something else."""
-    path, identity, kept = kept_path(out, name), plain(follows_from), {}
+    path, identity, kept = out / "equivalents" / f"{name}.json", plain(follows_from), {}
     with suppress(FileNotFoundError, ValueError):  # damaged is as good as missing
         kept = json.loads(path.read_text(encoding="utf-8"))
     if any(kept.get(key) != value for key, value in identity.items()):
         write_kept(path, identity | make())
         kept = json.loads(path.read_text(encoding="utf-8"))
     return kept
-
-
-def kept_path(out: Path, name: str) -> Path:
-    """Where it is kept."""
-    return out / "equivalents" / f"{name}.json"
 
 
 def rival_json(rival: Rival) -> dict[str, Any]:
@@ -302,7 +295,7 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
 
     outcome: of its diagnosis, whose digests of answer and recording were verified.
     """
-    path, public = kept_path(out, name), out / PUBLIC / name
+    path, public = out / "equivalents" / f"{name}.json", out / PUBLIC / name
 
     def make() -> dict[str, Any]:
         started = time.monotonic()
@@ -310,7 +303,7 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
         told = [{**rival_json(r), "equivalent": r.equivalent} for r in found]
         return {"rivals": told, "seconds": round(time.monotonic() - started, 2), "sindy": None}
 
-    kept = kept_or_made(out, name, {"version": EQUIVALENTS_VERSION, **digests_of(outcome)}, make)
+    kept = memoized(out, name, {"version": EQUIVALENTS_VERSION, **digests_of(outcome)}, make)
     # It may have been installed since.
     if kept.get("sindy") is None and sindy.installed() and sindy.applies(answer.content):
         with warnings.catch_warnings():
@@ -358,13 +351,13 @@ class _Judge:
 
     def rivals(self, effects: Sequence[TrueEffect]) -> list[Rival]:
         """Every rival that was fitted."""
-        inside = [e for e in effects if not e.outside]
+        inside = [e for e in effects if not e.out_of_catalogue]
         if not on_offer(inside, self._fits.offers):  # nobody asks for it: no rival can be held against it
             return []
         found: list[Fit] = []
         for dropped in effects:
             parent = self._fits.of([e for e in inside if e is not dropped])
-            own = None if dropped.outside else dropped.identity
+            own = None if dropped.out_of_catalogue else dropped.identity
             found += [parent, *self._replacements(parent, own, Gate(dropped.region, dropped.since))]
         size = sum(len(e.values) for e in effects)
         if len(inside) < len(effects):

@@ -36,7 +36,7 @@ from gpsim.trials.fits import (
     Json,
     Rival,
     digests_of,
-    kept_or_made,
+    memoized,
     opened,
     opened_model,
     ratios_from,
@@ -212,7 +212,7 @@ def machine_listing(
 
     told = list(map(_in_short, said))
     follows_from = {"machine_version": MACHINE_VERSION, **digests_of(outcome), "said": told}
-    kept = kept_or_made(out, name, follows_from, make)
+    kept = memoized(out, name, follows_from, make)
     stands = {(a, b): (c, d) for (a, b), (c, d) in kept["stands"]}
     seen = [Seen(**s) for s in kept["seen"]]
     return MachineListing(seen, stands, kept["values"], kept["equivalent"], ratios_from(kept))
@@ -243,7 +243,7 @@ def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Js
 
     told = [short for effects in others for short in _in_short(effects)]
     follows_from = {"robot_version": ROBOT_VERSION, **digests_of(outcome), "said": told}
-    return sorted(rivals_from(kept_or_made(out, name, follows_from, make)), key=lambda r: r.loss)
+    return sorted(rivals_from(memoized(out, name, follows_from, make)), key=lambda r: r.loss)
 
 
 def claims_of(effects: Sequence[Json]) -> Claims:
@@ -270,7 +270,7 @@ def whole_listing(out: Path, name: str, answer: Answer, outcome: Json, report: J
         return {"rollouts": _robots_rollouts(out, name, answer, report), "bodies_off": off}
 
     follows_from = {"whole_version": WHOLE_VERSION, **digests_of(outcome), "said": _in_short(said)}
-    kept = kept_or_made(out, name, follows_from, make)
+    kept = memoized(out, name, follows_from, make)
     return WholeListing(ratios_from(kept), float(kept["bodies_off"]))
 
 
@@ -284,7 +284,7 @@ def afloat_rollouts(
 
     said = [] if report is None else list(report["effects"])
     follows_from = {"afloat_version": AFLOAT_VERSION, **digests_of(outcome), "said": _in_short(said)}
-    return ratios_from(kept_or_made(out, name, follows_from, make))
+    return ratios_from(memoized(out, name, follows_from, make))
 
 
 def _robots_rollouts(out: Path, name: str, answer: Answer, report: Json | None) -> dict[str, float]:

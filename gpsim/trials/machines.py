@@ -252,7 +252,7 @@ def counts(shares: Shares | None, effects: Sequence[TrueEffect]) -> bool:
     """Whether as many effects make a share of the mismatch that counts, and as many a large one."""
     if shares is None or not shares.counts.any():
         return False
-    own = [e for e in effects if not e.outside]
+    own = [e for e in effects if not e.out_of_catalogue]
     made = np.array([shares.of(e) for e in own])
     seen = (made >= SEEN) | (np.array([shares.beyond(e) for e in own]) >= BEYOND)
     return bool(seen.sum() >= FEWEST_SEEN and (made >= LARGE).sum() >= FEWEST_LARGE)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import catalogue, outside
+from gpsim.trials import catalogue, out_of_catalogue
 from gpsim.trials.drawing import bare_world, digits, noise_of, places, places_of, systems_of, with_effects
 from gpsim.trials.driving import CLOSED_LOOP, sound
 from gpsim.trials.shares import Shares
@@ -175,15 +175,15 @@ class Nuisance:
     def at(self, strength: float, scales: Scales) -> TrueEffect:
         """As strong as that; the same in all else."""
         dial = Dial(np.random.default_rng(self.seed), strength)
-        values = outside.EVERY_KIND[self.kind].drawn(scales, self.on, dial)
-        return TrueEffect(self.kind, self.on, values, outside=True, strength="subtle")
+        values = out_of_catalogue.EVERY_KIND[self.kind].drawn(scales, self.on, dial)
+        return TrueEffect(self.kind, self.on, values, out_of_catalogue=True, strength="subtle")
 
 
 def nuisances(seed: int, world: World, counts: Sequence[int], most: float, rng: Rng) -> list[Nuisance]:
     """As many as one of `counts` says, of kinds that the seed may draw; most: the share of the largest."""
     where = {
         name: kind.places(SYSTEMS[world.system], world.velocities)
-        for name, kind in sorted(outside.nuisances(seed).items())
+        for name, kind in sorted(out_of_catalogue.nuisances(seed).items())
     }
     able = [name for name, there in where.items() if there and name not in COSTLY]
     count = min(int(rng.choice(list(counts))), len(able))

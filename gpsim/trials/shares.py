@@ -177,8 +177,8 @@ class Shares:
     def _squares(self, model: Replay) -> FloatArray:
         """(C,) mean squares over all steps of all rollouts, kept finite."""
         said = model.readings(self._picks, self._length)
-        gap = (picked(self._truth.clean, self._picks, self._length) - said)[..., self._columns]
-        squares = np.nan_to_num(gap**2, nan=RUNAWAY, posinf=RUNAWAY).mean(axis=(0, 1))
+        state_error = (picked(self._truth.clean, self._picks, self._length) - said)[..., self._columns]
+        squares = np.nan_to_num(state_error**2, nan=RUNAWAY, posinf=RUNAWAY).mean(axis=(0, 1))
         return np.asarray(np.minimum(squares, RUNAWAY))
 
     @cached_property

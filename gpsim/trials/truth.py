@@ -14,14 +14,14 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
-from gpsim.trials import catalogue, outside
+from gpsim.trials import catalogue, out_of_catalogue
 from gpsim.trials.bodies import HIDDEN, HIDDEN_TWISTS, Body, Moving, MujocoBody, Now, Vehicle
 from gpsim.trials.driving import Driving, drive, starts
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, Values, World, dynamics
 
 SENSORS = catalogue.SENSORS
-REMEMBERING, DISTORTING = outside.at_site("memory"), outside.at_site("distortion")
-ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = catalogue.acting(outside.LAWS)
+REMEMBERING, DISTORTING = out_of_catalogue.at_site("memory"), out_of_catalogue.at_site("distortion")
+ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = catalogue.acting(out_of_catalogue.LAWS)
 LAST_HIDDEN = (*catalogue.BRISTLES, *catalogue.COUPLINGS)
 HIDDEN_STATES = dict.fromkeys((*HIDDEN, *LAST_HIDDEN), 2) | dict.fromkeys(HIDDEN_TWISTS, 1)
 """Kinds that remember in the body, and how many columns that takes."""
@@ -169,8 +169,8 @@ class Replay:
     def residual(self, picks: IntArray) -> FloatArray:
         """(N, S) per second, by how much one step differs from the base simulator's, started at what is read."""
         before, after = pick(self._read, picks, 0), pick(self._read, picks, 1)
-        gap = self.states(picks, 1) - pick(self._truth.sampled, picks, 1)
-        return base_residual(self._world, before, after + gap, pick(self._truth.commands, picks, 0))
+        state_error = self.states(picks, 1) - pick(self._truth.sampled, picks, 1)
+        return base_residual(self._world, before, after + state_error, pick(self._truth.commands, picks, 0))
 
     def moved(self, picks: IntArray, length: int) -> FloatArray:
         """(N, S) how far the readings move within `length` transitions."""
@@ -312,10 +312,10 @@ def one_step(world: World, truth: Run, recording: Recording, clean: Recording, k
         return [np.concatenate([e.states[part] for e in of.episodes]) for part in (slice(-1), slice(1, None))]
 
     def difference(a: FloatArray, b: FloatArray) -> FloatArray:
-        gap = np.array(a - b)
+        state_error = np.array(a - b)
         if vehicle:
-            gap[:, 2] = wrap_angle(gap[:, 2])
-        return gap
+            state_error[:, 2] = wrap_angle(state_error[:, 2])
+        return state_error
 
     def rates(residual: FloatArray) -> FloatArray:
         return residual if vehicle else residual[:, 1::2]

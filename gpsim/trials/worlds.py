@@ -105,7 +105,7 @@ class TrueEffect:
     values: Values
     region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     since: float | None = None
-    outside: bool = False
+    out_of_catalogue: bool = False
     strength: str = ""
 
     def acts(self, state: FloatArray, t: FloatArray, names: tuple[str, ...]) -> FloatArray:
@@ -166,7 +166,7 @@ class World:
     @property
     def main(self) -> tuple[TrueEffect, ...]:
         """Effects of the catalogue."""
-        return tuple(e for e in self.effects if not e.outside)
+        return tuple(e for e in self.effects if not e.out_of_catalogue)
 
     @property
     def late(self) -> tuple[TrueEffect, ...]:
@@ -207,7 +207,7 @@ def effect_json(effect: TrueEffect) -> dict[str, Any]:
         "parameters": {k: float(v) for k, v in effect.values.items()},
         "region": {k: [float(low), float(high)] for k, (low, high) in effect.region.items()},
         "since": effect.since,
-        "outside": effect.outside,
+        "outside": effect.out_of_catalogue,
         "strength": effect.strength,
     }
 

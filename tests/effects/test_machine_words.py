@@ -290,8 +290,8 @@ def test_noise_is_no_ripple():
 def test_a_family_is_a_class_its_truth_and_a_test():
     """What names it elsewhere: an export that is no matter of the law, a kind that it was before, whole machines, what it costs."""
     elsewhere = {
-        "mjcf/robot_template.py", "mjcf/patching.py", "trials/outside_forces.py", "trials/machines.py",
-        "trials/outside_chain.py", "diagnosis/ladder/laws.py",
+        "mjcf/robot_template.py", "mjcf/patching.py", "trials/out_of_catalogue_forces.py", "trials/machines.py",
+        "trials/out_of_catalogue_chain.py", "diagnosis/ladder/laws.py",
     }  # fmt: skip
     room = Path(gpsim.__file__).parent
     texts = {p.relative_to(room).as_posix(): p.read_text() for p in room.rglob("*.py")}

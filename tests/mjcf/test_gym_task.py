@@ -7,10 +7,10 @@ import pytest
 from stable_baselines3.common.env_checker import check_env
 
 import gpsim
+from gpsim.api.corrected import CorrectedSimulator
 from gpsim.corrected import CorrectedPlant, EffectsPlant
 from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.face.corrected import CorrectedSimulator
 from gpsim.gymtasks import GymTask
 from gpsim.mjcf import load_mjcf, new_environment
 from gpsim.simulators import SimulatorPlant

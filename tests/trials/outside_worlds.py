@@ -8,7 +8,7 @@ import numpy as np
 from gpsim.trials import drawing as draws
 from gpsim.trials.bodies import Body, Now
 from gpsim.trials.drawing import places_of
-from gpsim.trials.outside import KINDS
+from gpsim.trials.out_of_catalogue import KINDS
 from gpsim.trials.truth import Replay, run
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 
@@ -37,7 +37,7 @@ def effect_of(kind, system, strength, place=0):
     """The kind on one of its places (the first), as strong as asked."""
     on = places_of(kind, SYSTEMS[system], "measured")[place]
     values = KINDS[kind].drawn(Scales(*bare(system)), on, Dial(np.random.default_rng(1), strength))
-    return TrueEffect(kind, on, values, outside=True)
+    return TrueEffect(kind, on, values, out_of_catalogue=True)
 
 
 def driven(system, parameters, effect, start, push, seconds):

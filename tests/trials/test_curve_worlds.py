@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gpsim.trials.blinding import Answer
-from gpsim.trials.outside import CURVES, MISSES, drawn_law, missed, smooth, true_curve
+from gpsim.trials.out_of_catalogue import CURVES, MISSES, drawn_law, missed, smooth, true_curve
 from gpsim.trials.scoring_parts import score_curve
 from gpsim.trials.summary import summarise
 from gpsim.trials.truth import run
@@ -39,7 +39,7 @@ def made(kind):
     """A world with the law, and what truly happens in it."""
     system, on, _ = PLACES[kind]
     values = CURVES[kind].drawn(Scales(*bare(system)), on, Dial(np.random.default_rng(1), 0.8))
-    world = world_of(system, [TrueEffect(kind, on, values, outside=True, strength="plain")])
+    world = world_of(system, [TrueEffect(kind, on, values, out_of_catalogue=True, strength="plain")])
     return world, run(world, world.effects)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from gpsim.errors import UsageError
 from gpsim.stages.prove import numbers_of, robots_numbers
-from gpsim.trials import catalogue, drawing, outside
+from gpsim.trials import catalogue, drawing, out_of_catalogue
 from gpsim.trials.worlds import numbered
 
 
@@ -43,7 +43,9 @@ def test_worlds_of_every_kind_have_numbers_of_their_own_and_each_comes_as_often(
         *(("plain", i + 1) for i in range(3)), *(("curves", i + 1) for i in range(5)),
         *(("rough", i + 1) for i in range(2)), *(("plans", i + 1) for i in range(8)),
     ]  # fmt: skip
-    assert sorted(drawing.draw(91, n).effects[0].family for n in found[3:8]) == sorted(outside.CURVES)
+    assert sorted(drawing.draw(91, n).effects[0].family for n in found[3:8]) == sorted(
+        out_of_catalogue.CURVES
+    )
     robots = robots_numbers(2, ["pair"], whole=1, floating=1)
     assert [numbered(n)[0] for n in robots] == ["robots", "robots", "whole", "afloat"]
 
@@ -62,14 +64,21 @@ def test_worlds_that_are_asked_for_otherwise_are_refused_in_one_line(numbers, as
         numbers(*asked)
 
 
-FOR_EVERY_SEED = {name for name, kind in outside.KINDS.items() if kind.since is None}
+FOR_EVERY_SEED = {name for name, kind in out_of_catalogue.KINDS.items() if kind.since is None}
 
 
 @pytest.mark.parametrize("seed", [1, 50, 99])
 def test_tuning_never_sees_the_kinds_kept_for_measurements(seed):
-    assert set(outside.drawn(seed)) == FOR_EVERY_SEED
+    assert set(out_of_catalogue.drawn(seed)) == FOR_EVERY_SEED
     assert len(FOR_EVERY_SEED) == 10
-    assert {kind.since for kind in outside.nuisances(seed).values()} == {None, 0, 2028, 2029, 2030, 2031}
+    assert {kind.since for kind in out_of_catalogue.nuisances(seed).values()} == {
+        None,
+        0,
+        2028,
+        2029,
+        2030,
+        2031,
+    }
 
 
 SINCE = {
@@ -88,10 +97,10 @@ SINCE = {
 
 @pytest.mark.parametrize("seed", SINCE)
 def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them(seed):
-    new = {name for name, kind in outside.KINDS.items() if kind.since == SINCE[seed]}
+    new = {name for name, kind in out_of_catalogue.KINDS.items() if kind.since == SINCE[seed]}
     assert len(new) == 10
     assert {drawing.first_family(seed, "unknown", rank) for rank in range(20)} == FOR_EVERY_SEED | new
-    assert outside.nuisances(seed) == outside.drawn(seed)
+    assert out_of_catalogue.nuisances(seed) == out_of_catalogue.drawn(seed)
 
 
 @pytest.mark.parametrize(

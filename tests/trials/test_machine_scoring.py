@@ -17,7 +17,7 @@ OWN = [
     TrueEffect("parameter_offset", "mass", {"ratio": 1.3}),
     TrueEffect("actuator_lag", "force", {"time_constant": 0.01}),
 ]
-NUISANCE = TrueEffect("cogging", "q", {"amplitude": 0.1}, outside=True)
+NUISANCE = TrueEffect("cogging", "q", {"amplitude": 0.1}, out_of_catalogue=True)
 PLAIN, SLIGHT, UNSEEN = Seen(900.0, 0.4, 2.0), Seen(9.0, 0.003, 0.4), Seen(1.0, 0.2, 2.0)
 DAMPING = said("viscous_friction")
 MASS = said("parameter_offset", "mass", name="ratio", low=1.2, value=1.28, high=1.29)

@@ -11,7 +11,7 @@ from gpsim.trials.worlds import TrueEffect
 from .test_scoring import DAMPED, STRANGE, WORLD, answer, report, said
 
 PAIR = [*DAMPED, TrueEffect("actuator_delay", "force", {"delay": 0.05})]
-NUISANCE = TrueEffect("cogging", "q", {"amplitude": 0.1}, outside=True)
+NUISANCE = TrueEffect("cogging", "q", {"amplitude": 0.1}, out_of_catalogue=True)
 TWIN = [Rival((("actuator_delay", "force"), ("actuator_gain", "force")), 0.2, False)]
 
 

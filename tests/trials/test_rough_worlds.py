@@ -54,9 +54,12 @@ def test_the_shares_are_those_of_equations_written_down_by_hand():
     """A slider with viscous friction, and a cubic spring and a fan as nuisances."""
     effects = [
         TrueEffect("viscous_friction", "q", {"damping": DAMPING}),
-        TrueEffect("hardening_spring", "q", {"cubic": CUBIC}, outside=True),
+        TrueEffect("hardening_spring", "q", {"cubic": CUBIC}, out_of_catalogue=True),
         TrueEffect(
-            "fan", "q", {"amplitude": PUSH, "frequency": RATE / (2 * np.pi), "phase": 0.3}, outside=True
+            "fan",
+            "q",
+            {"amplitude": PUSH, "frequency": RATE / (2 * np.pi), "phase": 0.3},
+            out_of_catalogue=True,
         ),
     ]
     world = world_of("slider", effects, parameters={"mass": MASS}, episodes=5, steps=90, clock="session")
@@ -98,9 +101,9 @@ def test_the_shares_are_those_of_equations_written_down_by_hand():
 def test_what_several_effects_hide_is_known_one_by_one():
     """A replay without one of them finds the hidden states of the others."""
     effects = [
-        TrueEffect("bouc_wen", "q", {"amplitude": 1.0, "width": 0.05}, outside=True),
-        TrueEffect("towed_trolley", "vehicle", {"length": 0.4, "pull": 0.3}, outside=True),
-        TrueEffect("rubber_buffer", "q", {"stiffness": 5.0, "time": 0.3}, outside=True),
+        TrueEffect("bouc_wen", "q", {"amplitude": 1.0, "width": 0.05}, out_of_catalogue=True),
+        TrueEffect("towed_trolley", "vehicle", {"length": 0.4, "pull": 0.3}, out_of_catalogue=True),
+        TrueEffect("rubber_buffer", "q", {"stiffness": 5.0, "time": 0.3}, out_of_catalogue=True),
     ]
     for system, present in (("slider", [effects[0], effects[2]]), ("unicycle", [effects[1]])):
         world = world_of(system, present)

@@ -90,7 +90,7 @@ def test_any_family_on_a_world_without_mismatch_is_a_false_alarm(verdict):
     assert not quiet["false_alarm"]
 
 
-STRANGE = [TrueEffect("cogging", "q", {"amplitude": 1.0}, outside=True)]
+STRANGE = [TrueEffect("cogging", "q", {"amplitude": 1.0}, out_of_catalogue=True)]
 
 
 @pytest.mark.parametrize(

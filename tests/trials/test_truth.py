@@ -9,7 +9,7 @@ import pytest
 from gpsim.corrected import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.trials import catalogue, drawing, outside
+from gpsim.trials import catalogue, drawing, out_of_catalogue
 from gpsim.trials import drawing as draws
 from gpsim.trials.bodies import Body, Now
 from gpsim.trials.truth import H, Replay, limited, run, sense
@@ -140,7 +140,7 @@ def test_no_kind_outside_is_a_family_of_the_catalogue():
     of_models = {family for family, effect in FAMILIES.items() if effect.acts_on}  # drawn for robots
     of_users = {"overflow"}  # acts on simulators of the first order, which no world has
     assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
-    assert not set(outside.KINDS) & set(FAMILIES)
+    assert not set(out_of_catalogue.KINDS) & set(FAMILIES)
     assert set(catalogue.SMOOTH) | set(catalogue.GRIP) | set(catalogue.TWIST) <= set(FAMILIES)
 
 

@@ -106,9 +106,9 @@ class Problem:
     def gaps(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
         """(C, W, L + 1, S) measured minus simulated, 0 where nothing counts."""
         said = self.simulated(hypothesis, self.windows, starts, thetas)
-        gap = self.simulator.state_error(self.windows.measured[None], said)
-        gap[:, ~self.counted] = 0.0
-        return gap
+        error = self.simulator.state_error(self.windows.measured[None], said)
+        error[:, ~self.counted] = 0.0
+        return error
 
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
         """The same, weighted."""

@@ -9,15 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gpsim.api.corrected import CorrectedSimulator
+from gpsim.api.recordings import Recordings, opened, taken_of
+from gpsim.api.simulators import load_simulator
 from gpsim.diagnosis import Diagnosis as Result
 from gpsim.diagnosis import score
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.effects import Brought, bring, consent_to, installed, own_effect, read_effects
 from gpsim.errors import UsageError
-from gpsim.face.corrected import CorrectedSimulator
-from gpsim.face.recordings import Recordings, opened, taken_of
-from gpsim.face.simulators import load_simulator
 from gpsim.findings import NamedEffect, Score, Verdict
 from gpsim.posterior import LeftOpen
 from gpsim.recordings import Recording
@@ -30,7 +30,7 @@ from gpsim.trust import consent
 if TYPE_CHECKING:
     import pandas as pd
 
-    from gpsim.face.found import Found
+    from gpsim.api.found import Found
     from gpsim.reports.diagnosis_figures import Picture
 
 HERE = "DIR"
@@ -103,7 +103,7 @@ def diagnose(
     question = Question(given, asked, whole(seed, "seed"), cores, progress or silent)
     outcome = answer(taken, model, question)
 
-    from gpsim.face.found import Made
+    from gpsim.api.found import Made
 
     return Diagnosis(Made(outcome, taken, model, question), taken)
 
@@ -324,7 +324,7 @@ class Diagnosis:
         Raises:
             UsageError: no diagnosis, a file of it has changed, or it is of another simulator.
         """
-        from gpsim.face.found import Kept
+        from gpsim.api.found import Kept
 
         model = None if simulator is None else load_simulator(simulator)
         kept = Kept.read(Path(os.fspath(folder)), model)

@@ -15,9 +15,9 @@ from types import ModuleType
 
 LIBRARY = "gymnasium"
 ENVIRONMENTS = {
-    "gpsim/CartPole-v0": "gpsim.face.environment:cartpole_env",
-    "gpsim/Limo-v0": "gpsim.face.environment:limo_env",
-    "gpsim/Corrected-v0": "gpsim.face.environment:corrected_env",
+    "gpsim/CartPole-v0": "gpsim.api.environment:cartpole_env",
+    "gpsim/Limo-v0": "gpsim.api.environment:limo_env",
+    "gpsim/Corrected-v0": "gpsim.api.environment:corrected_env",
 }
 """Id -> what makes it."""
 

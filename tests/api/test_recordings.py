@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from face.conftest import UNITS
+from api.conftest import UNITS
 
 import gpsim
 from gpsim.errors import UsageError

@@ -45,7 +45,7 @@ def log():
 @pytest.fixture(scope="session")
 def made(log, tmp_path_factory):
     """The diagnosis as it was made, what its progress said, and a folder with slider.csv and found/ in it."""
-    folder = tmp_path_factory.mktemp("face")
+    folder = tmp_path_factory.mktemp("api")
     log.to_csv(folder / "slider.csv", index=False)
     said = []
     recording = gpsim.recording_from_frame(log, UNITS, "slider")

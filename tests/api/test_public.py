@@ -37,9 +37,9 @@ def test_no_name_loads_what_trains_or_reads_configurations():
     assert run(code) == "[]"
 
 
-def test_the_command_line_does_not_load_the_face():
-    code = "import sys, gpsim.cli.main; print(sorted(m for m in sys.modules if m.startswith('gpsim.face')))"
-    assert run(code) == "['gpsim.face', 'gpsim.face.registration']"
+def test_the_command_line_does_not_load_the_api():
+    code = "import sys, gpsim.cli.main; print(sorted(m for m in sys.modules if m.startswith('gpsim.api')))"
+    assert run(code) == "['gpsim.api', 'gpsim.api.registration']"
 
 
 def test_names_are_there_and_others_are_not():
@@ -63,7 +63,7 @@ def test_every_name_is_documented(name):
     assert len(inspect.getdoc(thing) or "") > 30
     if inspect.isfunction(thing):
         check_documented(thing)
-    elif inspect.isclass(thing) and thing.__module__.startswith("gpsim.face"):
+    elif inspect.isclass(thing) and thing.__module__.startswith("gpsim.api"):
         for member, value in vars(thing).items():
             if not member.startswith("_") and (callable(value) or isinstance(value, property | classmethod)):
                 assert inspect.getdoc(value), member
@@ -103,5 +103,5 @@ def test_the_page_is_current():
 def test_the_examples_do_what_they_say(module, here):
     results = doctest.testmod(importlib.import_module(module), raise_on_error=False)
     assert results.failed == 0
-    if module.startswith("gpsim.face"):
+    if module.startswith("gpsim.api"):
         assert results.attempted

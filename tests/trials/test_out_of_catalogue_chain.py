@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from gpsim.trials.bodies import Now, Vehicle
-from gpsim.trials.outside import KINDS
+from gpsim.trials.out_of_catalogue import KINDS
 from gpsim.trials.truth import ActuatorChain, frame_of, sense
 from gpsim.trials.worlds import TrueEffect
 

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from gpsim.api.diagnosis import Diagnosis
+from gpsim.api.recordings import taken_of
 from gpsim.corrected import EffectsPlant
 from gpsim.errors import UsageError
-from gpsim.face.diagnosis import Diagnosis
-from gpsim.face.recordings import taken_of
 from gpsim.planning import Plan
 from gpsim.recordings import Recording
 from gpsim.settings import build, number, whole

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
+from gpsim.api.corrected import CorrectedSimulator
+from gpsim.api.recordings import read_recording
+from gpsim.api.simulators import folder_of, load_simulator, simulator_of
 from gpsim.corrected import PREDICTIONS, CorrectedPlant, Features, GpCorrection, Prediction
 from gpsim.errors import UsageError
-from gpsim.face.corrected import CorrectedSimulator
-from gpsim.face.recordings import read_recording
-from gpsim.face.simulators import folder_of, load_simulator, simulator_of
 from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
 from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gpsim.api.corrected import Corrected, CorrectedSimulator
+from gpsim.api.registration import register_environments
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.setup import look
 from gpsim.environments import BatchedEnv, SingleEnv
 from gpsim.errors import UsageError
-from gpsim.face.corrected import Corrected, CorrectedSimulator
-from gpsim.face.registration import register_environments
 from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
 from gpsim.recordings import Recording
@@ -25,7 +25,7 @@ from gpsim.tasks import TASKS, OwnTask, Task, never
 from gpsim.trust import consent
 
 if TYPE_CHECKING:
-    from gpsim.face.diagnosis import Diagnosis
+    from gpsim.api.diagnosis import Diagnosis
 
 Told = Mapping[str, Any]
 STEPS = 500
@@ -140,7 +140,7 @@ def _env(plant: Plant, task: Task, count: int | None) -> SingleEnv | BatchedEnv:
 
 
 def _plant(given: Any, gp: bool, trust: bool) -> tuple[Corrected, Recording | None]:
-    from gpsim.face.diagnosis import Diagnosis
+    from gpsim.api.diagnosis import Diagnosis
 
     if isinstance(given, str | Path):
         given = Diagnosis.load(given, trust=trust)

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from gpsim.api.simulators import folder_of, load_simulator, simulator_of
 from gpsim.channels import Channels
 from gpsim.errors import UsageError, near_path
-from gpsim.face.simulators import folder_of, load_simulator, simulator_of
 from gpsim.mjcf import in_its_columns
 from gpsim.recordings import LONGEST_STEP, HeldOut, Recording, Velocities, gaps, joined
 from gpsim.recordings import read_recording as read_folder

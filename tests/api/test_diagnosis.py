@@ -6,8 +6,8 @@ import sys
 
 import numpy as np
 import pytest
+from api.conftest import FEW, UNITS, pushed
 from cli_calls import called
-from face.conftest import FEW, UNITS, pushed
 from pages import check_fragment
 
 import gpsim
@@ -141,7 +141,7 @@ def test_nothing_is_overwritten_and_damage_is_seen(made, here):
 
 def test_a_failure_while_it_is_written_leaves_nothing(made, here, monkeypatch):
     monkeypatch.setattr(
-        "gpsim.face.found.write_diagnosis", lambda folder, *_: (folder / "half").touch() or 1 / 0
+        "gpsim.api.found.write_diagnosis", lambda folder, *_: (folder / "half").touch() or 1 / 0
     )
     with pytest.raises(ZeroDivisionError):
         made.diagnosis.save("half_done")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.trials.drawing import places_of
-from gpsim.trials.outside import KINDS
+from gpsim.trials.out_of_catalogue import KINDS
 from gpsim.trials.shares import visibilities
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import SYSTEMS

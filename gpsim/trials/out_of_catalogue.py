@@ -1,9 +1,9 @@
 """Physics outside the catalogue: kinds that no family of `gpsim.effects` described when they were written.
 
 A kind that has become a word since says so (`word`): who names it is right. Kinds stand in the tables of
-`outside_forces` and `outside_chain`; `since` of a new one must be a seed of which no world has been drawn yet, or
-published proofs could not be repeated. Twenty kinds a measurement: ten for every seed, ten that are new to it. Nothing
-here is shared with `gpsim.effects`.
+`out_of_catalogue_forces` and `out_of_catalogue_chain`. `since` of a new one must be a seed of which no world has been
+drawn yet, or published proofs could not be repeated. Twenty kinds a measurement: ten for every seed, ten that are new
+to it. Nothing here is shared with `gpsim.effects`.
 
 Laws of one input that no family has (CURVES), random smooth functions at every site of a simulator's chain, are what
 measured curves are proved on, and no other worlds hold them. Along a line a law is a sum of three sigmoids; around an
@@ -22,8 +22,8 @@ import numpy as np
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.trials import catalogue
 from gpsim.trials.catalogue import EVERY, VEHICLE, Draw, Family, Site
-from gpsim.trials.outside_chain import OF_CHAINS
-from gpsim.trials.outside_forces import OF_BODIES
+from gpsim.trials.out_of_catalogue_chain import OF_CHAINS
+from gpsim.trials.out_of_catalogue_forces import OF_BODIES
 from gpsim.trials.worlds import SYSTEMS, Dial, Run, Scales, Values, World, rounded
 
 SIGMOIDS, HARMONICS = 3, (2, 3, 4)  # a single harmonic of an angle is gravity's

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
+from gpsim.api.corrected import CorrectedSimulator
+from gpsim.api.diagnosis import Diagnosis
+from gpsim.api.recordings import read_recording
 from gpsim.channels import FloatArray
 from gpsim.corrected import CorrectedPlant, EffectsPlant, GpCorrection, arrived_inputs
 from gpsim.diagnosis import score
 from gpsim.errors import UsageError
 from gpsim.evaluation import compare, replay, windows_of
-from gpsim.face.corrected import CorrectedSimulator
-from gpsim.face.diagnosis import Diagnosis
-from gpsim.face.recordings import read_recording
 from gpsim.recordings import Recording
 from gpsim.reports.statistics_text import errors_lines
 from gpsim.residuals import OWN_DT, build_residuals, either_wraps

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from gpsim.trials.bodies import Body, Now
-from gpsim.trials.outside import KINDS
+from gpsim.trials.out_of_catalogue import KINDS
 from gpsim.trials.worlds import SYSTEMS, TrueEffect, dynamics
 
 from .outside_worlds import BOB, CART, H, driven

@@ -9,8 +9,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import gpsim
+from gpsim.api.environment import cartpole_env
 from gpsim.errors import UsageError
-from gpsim.face.environment import cartpole_env
 from gpsim.tasks import Balance
 
 

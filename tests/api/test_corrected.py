@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from face.conftest import UNITS, pushed
+from api.conftest import UNITS, pushed
 
 import gpsim
 from gpsim.errors import UsageError
