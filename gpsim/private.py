@@ -38,11 +38,6 @@ def own_folder(path: Path) -> Path:
     return place
 
 
-def users_cache() -> Path:
-    """Of gpsim, for what can be made again; it need not be there."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gpsim"
-
-
 def read_own(path: Path) -> bytes:
     """The content of a file in a folder of one's own; raises ExposedError where it is another's, else OSError."""
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as stream:

@@ -91,12 +91,16 @@ def _offers_name(package: str, name: str) -> bool:
 
 @cache
 def offered(package: str) -> set[str]:
-    """What a room's `__init__` lists in `__all__`: names that it imports, and files of which everything is for all."""
-    tree = ast.parse(MODULES[package].read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
-            return set(ast.literal_eval(node.value))
-    return set()
+    """What a room's `__init__` imports or defines, and lists in `__all__`: files of which everything is for all."""
+    found: set[str] = set()
+    for node in ast.parse(MODULES[package].read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gpsim"):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.FunctionDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            found |= set(ast.literal_eval(node.value))
+    return found
 
 
 def test_imports_point_one_way():

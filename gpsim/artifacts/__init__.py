@@ -14,30 +14,3 @@ from gpsim.artifacts.artifact import (
 )
 from gpsim.artifacts.locks import Leftover, erase, held, hide, leftovers, needed, sweep_all, unneeded
 from gpsim.artifacts.store import SCHEMA, VERSION, Store, git_commit, listed_once, package_versions
-
-__all__ = [
-    "MANIFEST",
-    "SCHEMA",
-    "TIMINGS",
-    "VERSION",
-    "Artifact",
-    "Leftover",
-    "Recipe",
-    "Store",
-    "WarningLog",
-    "erase",
-    "folder_digests",
-    "git_commit",
-    "held",
-    "hide",
-    "leftovers",
-    "listed_once",
-    "needed",
-    "package_versions",
-    "read_artifact",
-    "read_manifest",
-    "read_timings",
-    "read_warnings",
-    "sweep_all",
-    "unneeded",
-]  # fmt: skip

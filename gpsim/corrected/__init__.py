@@ -13,9 +13,3 @@ from gpsim.corrected.gp_plant import (
 )
 from gpsim.corrected.posterior_plant import Drawable, PosteriorPlant, Size, Spread
 from gpsim.corrected.smoothing import Smoother
-
-__all__ = [
-    "PREDICTIONS", "CommandFilter", "CorrectedPlant", "Drawable", "EffectsPlant", "Feature", "Features",
-    "FunctionCorrection", "GpCorrection", "PosteriorPlant", "Prediction", "Size", "Smoother", "Spread", "ages_of",
-    "arrived_inputs", "describe", "fit_filter", "mean_rates", "plant_from", "settled_rows", "value_key",
-]  # fmt: skip

@@ -3,12 +3,3 @@
 from gpsim.diagnosis.assessment import score
 from gpsim.diagnosis.diagnosis import Outcome, diagnose
 from gpsim.findings import SCHEMA, Diagnosis, schema
-
-__all__ = [
-    "SCHEMA",
-    "Diagnosis",
-    "Outcome",
-    "diagnose",
-    "schema",
-    "score",
-]

@@ -3,19 +3,14 @@
 from gpsim.effects.bristles import bent, mean_force
 from gpsim.effects.brought import (
     INPUTS,
-    RETURNS,
     Brought,
     again,
     bring,
-    brought_of,
     consent_to,
     installed,
     origins,
     own_effect,
     read_effects,
-    sources,
-    stand,
-    standing,
 )
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.closed_step import BlackBoxStepper, closed
@@ -27,7 +22,6 @@ from gpsim.effects.effect import (
     Effect,
     ElasticDrive,
     ForceEffect,
-    FunctionOf,
     Law,
     ModelEffect,
     ParameterEffect,
@@ -36,16 +30,15 @@ from gpsim.effects.effect import (
     Values,
     VehicleEffect,
     arguments,
-    changed,
     declared,
 )
 from gpsim.effects.elastic import transmitted, turned, twisted
-from gpsim.effects.families.actuators import TOLERATED, ActuatorLag
+from gpsim.effects.families.actuators import ActuatorLag
 from gpsim.effects.families.sensors import SensorLag
 from gpsim.effects.forces import bend_key
 from gpsim.effects.late import LateEffect, even
-from gpsim.effects.measured import Axis, Curve, Measured, Shape, corners, shape_of, tabled
-from gpsim.effects.place import EffectParameter, Place, Plausible, times_beyond
+from gpsim.effects.measured import Curve, Measured, Shape, shape_of
+from gpsim.effects.place import EffectParameter, Place, times_beyond
 from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES, effect_of, has_patch
 from gpsim.effects.template import template
 from gpsim.effects.term import (
@@ -54,7 +47,6 @@ from gpsim.effects.term import (
     IN_EPISODE,
     TO,
     Gate,
-    LooksAt,
     Moment,
     Term,
     base_name,
@@ -65,89 +57,3 @@ from gpsim.effects.term import (
     to_json,
 )
 from gpsim.effects.trying import PLACE, Check, check, tried
-
-__all__ = [
-    "CATALOGUE",
-    "CURVES",
-    "EPISODE",
-    "FAMILIES",
-    "FROM",
-    "INPUTS",
-    "IN_EPISODE",
-    "PLACE",
-    "PRE_ROLL",
-    "RETURNS",
-    "RISE",
-    "TO",
-    "TOLERATED",
-    "ActuatorEffect",
-    "ActuatorLag",
-    "Axis",
-    "BlackBoxStepper",
-    "BristleEffect",
-    "Brought",
-    "Chain",
-    "Check",
-    "Curve",
-    "DriveEffect",
-    "Effect",
-    "EffectParameter",
-    "ElasticDrive",
-    "ForceEffect",
-    "FunctionOf",
-    "Gate",
-    "LateEffect",
-    "Law",
-    "LooksAt",
-    "Measured",
-    "ModelEffect",
-    "Moment",
-    "ParameterEffect",
-    "Place",
-    "Plausible",
-    "RateEffect",
-    "Scheme",
-    "SensorEffect",
-    "SensorLag",
-    "Shape",
-    "Term",
-    "Values",
-    "VehicleEffect",
-    "again",
-    "arguments",
-    "base_name",
-    "bend_key",
-    "bent",
-    "bring",
-    "brought_of",
-    "changed",
-    "check",
-    "closed",
-    "consent_to",
-    "corners",
-    "declared",
-    "effect_of",
-    "even",
-    "from_json",
-    "has_patch",
-    "installed",
-    "mean_force",
-    "origins",
-    "own_effect",
-    "own_name",
-    "own_values",
-    "owner_of",
-    "read_effects",
-    "shape_of",
-    "sources",
-    "stand",
-    "standing",
-    "tabled",
-    "template",
-    "times_beyond",
-    "to_json",
-    "transmitted",
-    "tried",
-    "turned",
-    "twisted",
-]

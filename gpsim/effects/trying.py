@@ -54,7 +54,7 @@ def tried(effect: Effect, place: Place, rng: np.random.Generator) -> Iterator[Ch
     whole = ask(inputs, drawn)
     yield Check("shapes", "")  # another shape has raised
     yield Check("finite", _finite(effect, declared, inputs, ask))
-    nothing = {p.name: np.full(ROWS, _nothing(p)) for p in declared}
+    nothing = {p.name: np.full(ROWS, 1e6 * max(abs(p.high), 1.0) if p.falls else p.none) for p in declared}
     before = _identity(effect, inputs)
     yield Check(
         "nothing at neutral parameters", _differs(ask(inputs, nothing), before, "it still does something")
@@ -130,11 +130,6 @@ def _drawn(declared: Sequence[EffectParameter], rng: np.random.Generator, rows: 
         p.name: np.clip(p.starts[0] + 0.3 * p.scale * rng.uniform(-1, 1, rows), p.low, p.high)
         for p in declared
     }
-
-
-def _nothing(p: EffectParameter) -> float:
-    """Where a parameter does nothing: of a limit far out."""
-    return 1e6 * max(abs(p.high), 1.0) if p.falls else p.none
 
 
 def _finite(

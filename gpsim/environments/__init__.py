@@ -12,21 +12,3 @@ from gpsim.environments.collect import (
 )
 from gpsim.environments.envs import BatchedEnv, Episodes, SingleEnv
 from gpsim.environments.stand_in import Sweep, drive_plan
-
-__all__ = [
-    "Act",
-    "ActiveSettings",
-    "BatchedEnv",
-    "Episodes",
-    "Model",
-    "SingleEnv",
-    "Sweep",
-    "as_sensed",
-    "collect_actively",
-    "collect_episodes",
-    "dithered_actor",
-    "drive_plan",
-    "first_of",
-    "policy_actor",
-    "random_actor",
-]

@@ -23,11 +23,3 @@ from gpsim.evaluation.returns import (
 )
 from gpsim.evaluation.safe_drive import NEVER, ChangingPlant, Drives, Limits, drive
 from gpsim.evaluation.trips import AllTrips, Trips, behind, path_length, solvable, success_by_set, take_trips
-
-__all__ = [
-    "BETS", "NEVER", "WARM_UP", "AllTrips", "ChangingPlant", "Drives", "Limits", "Monitor", "MonitorSettings",
-    "OneStep", "Trips", "Usual", "behind", "compare", "coverage_warnings", "drive", "episode_returns",
-    "mean_and_worst", "nrmse", "one_step_errors", "outside_range", "path_length", "replay", "robustness_lines",
-    "roll_out", "solvable", "start_sets", "success_by_set", "summarise_all", "summarise_seeds", "take_trips",
-    "usual_errors", "windows_of", "worst_tenth",
-]  # fmt: skip

@@ -62,14 +62,3 @@ from gpsim.findings.effects import (
     no_size,
     sized,
 )
-
-__all__ = [
-    "SCHEMA", "Alternative", "BlackBox", "BoxKind", "BroughtFrom", "Claims", "Combination", "Concentration",
-    "Diagnosis", "Discrimination", "Doubt", "EndErrors", "Estimate", "Excitation", "Explained", "Form",
-    "FromOthers", "GeometryFound", "GeometryKind", "GeometryPlace", "HeldOutFit", "InPlaceOf", "Inseparable",
-    "JudgedOn", "Kind", "Kinematics", "Leads", "Location", "LogFact", "MeasuredCurve", "ModelErrors",
-    "NamedEffect", "NoGp", "NotAsked", "Odds", "OneRecording", "OverBefore", "OwnValues", "RankedHypothesis",
-    "Ratio", "Remainder", "RemainderGp", "Role", "Rollout", "RolloutErrors", "RolloutModelErrors", "Score",
-    "Scored", "Separation", "Shape", "Share", "StepErrors", "ToolError", "Verdict", "no_size", "read", "schema",
-    "sized",
-]  # fmt: skip

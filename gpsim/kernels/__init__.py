@@ -16,18 +16,3 @@ from gpsim.kernels.marching import (
 )
 from gpsim.kernels.program import Program, program_of
 from gpsim.kernels.tables import Hat
-
-__all__ = [
-    "Commands",
-    "Hat",
-    "Past",
-    "Program",
-    "actuators_of",
-    "at_rest",
-    "can_compile",
-    "is_compiled",
-    "marched",
-    "program_of",
-    "read_late",
-    "travelled",
-]

@@ -20,7 +20,3 @@ from gpsim.launchers.running import (
     Task,
     launcher_from,
 )
-
-__all__ = [
-    "Dask", "JobFailedError", "Launcher", "Local", "Progress", "Slurm", "Task", "launcher_from", "run_tasks",
-]  # fmt: skip

@@ -4,8 +4,3 @@ from gpsim.planning.limits import STATED, Limits, PlanSettings, limits_of
 from gpsim.planning.models import Around, Machine, Steer
 from gpsim.planning.plan import Apart, Piece, Plan, Safety, make_plan
 from gpsim.planning.signals import FIXED
-
-__all__ = [
-    "FIXED", "STATED", "Apart", "Around", "Limits", "Machine", "Piece", "Plan", "PlanSettings", "Safety", "Steer",
-    "limits_of", "make_plan",
-]  # fmt: skip

@@ -4,6 +4,4 @@ from gpsim.policies.beam import Beam, BeamSearch, balance_search
 from gpsim.policies.expert import FAILS, Expert, Visited
 from gpsim.policies.policy import Policy
 
-__all__ = [
-    "FAILS", "Beam", "BeamSearch", "Expert", "Policy", "Visited", "balance_search", "export",
-]  # fmt: skip
+__all__ = ["export"]

@@ -9,9 +9,3 @@ from gpsim.residuals.residuals import (
     to_table,
 )
 from gpsim.residuals.split import SHARE, check_each_holds_out, first_held_out, held_out_names, holding_out
-
-__all__ = [
-    "OWN_DT", "SHARE", "Residuals", "build_residuals", "check_clock", "check_each_holds_out", "check_match",
-    "check_rates", "either_wraps", "first_held_out", "from_table", "held_out_names", "holding_out", "read_table",
-    "table_recording", "to_table",
-]  # fmt: skip

@@ -23,10 +23,3 @@ from gpsim.runs.lineage import (
     remove,
 )
 from gpsim.runs.told import Beside, Compared, Listed, Listing, LoopStatus, Parent, Removed, Shown, Standing
-
-__all__ = [
-    "ABSENT", "Beside", "Catalogue", "Compared", "Difference", "Entry", "Listed", "Listing", "LoopStatus",
-    "Making", "Parent", "Removal", "Removed", "Shown", "Standing", "asked_of", "children", "collect_garbage",
-    "compared", "dependents", "entry_at", "figures_of", "garbage", "made_from", "named", "nearest", "parents",
-    "read_catalogue", "removal_of", "remove", "size_of",
-]  # fmt: skip

@@ -6,5 +6,3 @@ They hold the physics that the simulators leave out, so nothing that explains a 
 from gpsim.targets.cartpole import FrictionCartPole
 from gpsim.targets.limo import Limo
 from gpsim.targets.mujoco import ChangedModel
-
-__all__ = ["ChangedModel", "FrictionCartPole", "Limo"]

@@ -5,14 +5,3 @@ from gpsim.tasks.goal import GoalReaching
 from gpsim.tasks.own import OwnTask, never
 from gpsim.tasks.registry import TASKS
 from gpsim.tasks.task import Actions, Start, Task
-
-__all__ = [
-    "TASKS",
-    "Actions",
-    "Balance",
-    "GoalReaching",
-    "OwnTask",
-    "Start",
-    "Task",
-    "never",
-]

@@ -1,5 +1,3 @@
 """Watching: later recordings of a machine against an old account, stretch by stretch, by a sequential test."""
 
 from gpsim.watching.monitor import Account, Alarm, Monitor, Stretch, WatchSettings, looked_at
-
-__all__ = ["Account", "Alarm", "Monitor", "Stretch", "WatchSettings", "looked_at"]

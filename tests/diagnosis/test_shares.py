@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsim.diagnosis.judging.attribution import _deciding, _growth, role_of
-from gpsim.diagnosis.judging.importance import _shapley
+from gpsim.diagnosis.judging.attribution import _deciding, _growth, _shapley, role_of
 from gpsim.diagnosis.judging.judges import Mismatch, draws
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.findings import Share

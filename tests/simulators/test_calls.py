@@ -8,15 +8,13 @@ import time
 import pytest
 
 from gpsim.errors import Terminated, UsageError
-from gpsim.simulators import patience
-from gpsim.simulators.calls import NoAnswerError, asked
-from gpsim.simulators.patience import SETTING, WATCH
+from gpsim.simulators.calls import SETTING, WATCH, NoAnswerError, asked
 
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch):
     WATCH.stop()
-    monkeypatch.setattr(patience, "BETWEEN_LOOKS", 0.05)
+    monkeypatch.setattr("gpsim.simulators.calls.BETWEEN_LOOKS", 0.05)
     monkeypatch.setenv(SETTING, "0.2")
     yield
     WATCH.stop()

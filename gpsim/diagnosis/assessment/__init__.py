@@ -7,23 +7,3 @@ from gpsim.diagnosis.assessment.experiment_design import design_experiment
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.rollouts import Model
 from gpsim.diagnosis.assessment.scoring import by_recording, posed, replayed, score
-
-__all__ = [
-    "SINCE_REVERSAL",
-    "Comparison",
-    "Model",
-    "averaged",
-    "by_recording",
-    "compare",
-    "covariance",
-    "depends_on",
-    "design_experiment",
-    "estimates",
-    "identifiable_combinations",
-    "intervals",
-    "locate",
-    "most_telling",
-    "posed",
-    "replayed",
-    "score",
-]

@@ -24,27 +24,3 @@ from gpsim.diagnosis.data.windows import (
     since_reversal,
     stretches,
 )
-
-__all__ = [
-    "FEWEST_TRANSITIONS_OF_A_WINDOW",
-    "THIRD_DIFFERENCE",
-    "TYPICAL",
-    "Windows",
-    "at",
-    "cut",
-    "cut_in_parts",
-    "held_out_mask",
-    "held_with",
-    "integral",
-    "outliers",
-    "quantum",
-    "rebased",
-    "repeats",
-    "rms",
-    "shortest",
-    "since_reversal",
-    "stretches",
-    "thinned",
-    "typical",
-    "whole_packets",
-]

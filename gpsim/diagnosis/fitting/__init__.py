@@ -25,35 +25,3 @@ from gpsim.diagnosis.fitting.problem import (
 )
 from gpsim.diagnosis.fitting.shooting import Fit, Noise, Shooting, Slopes, fit, step_sizes
 from gpsim.diagnosis.fitting.simulate import Extra, simulate
-
-__all__ = [
-    "FEW_JOINTS",
-    "TOLERATED_NOISE",
-    "TOLERATED_STEP_ERROR",
-    "USUAL_SUBSTEP",
-    "Candidate",
-    "Extra",
-    "Fit",
-    "Hypothesis",
-    "Noise",
-    "Problem",
-    "Shooting",
-    "Slopes",
-    "as_it_was",
-    "coordinates",
-    "dry_steps",
-    "fit",
-    "growth",
-    "has_sensors",
-    "inexact",
-    "mean_squares",
-    "numerical_error",
-    "predicted",
-    "sensor_noise",
-    "simulate",
-    "step_sizes",
-    "stepped",
-    "unexplained",
-    "whiteness",
-    "without_sensors",
-]

@@ -12,26 +12,3 @@ from gpsim.diagnosis.judging.judges import (
     share_of,
 )
 from gpsim.diagnosis.judging.verdict import claimed, doubts_of, forms_of, verdict_of
-
-__all__ = [
-    "SEED",
-    "Attribution",
-    "Judgement",
-    "RolloutJudge",
-    "Tried",
-    "attribute",
-    "claimed",
-    "doubts_of",
-    "draws",
-    "explained_by",
-    "forms_of",
-    "horizon_of",
-    "interval_of",
-    "judge_at",
-    "odds_against",
-    "probabilities_of",
-    "rivals_among",
-    "rollouts_in",
-    "share_of",
-    "verdict_of",
-]

@@ -3,5 +3,3 @@
 from gpsim.diagnosis.ladder.climb import Climbed, climb
 from gpsim.diagnosis.ladder.laws import USUAL, Law, laws_of
 from gpsim.diagnosis.ladder.offers import Offer, Offers
-
-__all__ = ["USUAL", "Climbed", "Law", "Offer", "Offers", "climb", "laws_of"]

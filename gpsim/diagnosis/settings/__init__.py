@@ -12,24 +12,3 @@ from gpsim.diagnosis.settings.numbers import (
     described,
 )
 from gpsim.diagnosis.settings.settings import GONE, WHERE, Settings, as_mapping, gone, read_settings
-
-__all__ = [
-    "GONE",
-    "NAMES",
-    "NOTHING_KNOWN",
-    "WHERE",
-    "IntervalSettings",
-    "Known",
-    "LawSettings",
-    "LogFactSettings",
-    "PushSettings",
-    "RolloutSettings",
-    "Settings",
-    "VerdictSettings",
-    "WindowSettings",
-    "as_mapping",
-    "described",
-    "gone",
-    "read_known",
-    "read_settings",
-]

@@ -6,24 +6,3 @@ from gpsim.diagnosis.setup.offers import candidates, not_asked, offers_of
 from gpsim.diagnosis.setup.prepare import PreparedProblem, prepare, spread_out
 from gpsim.diagnosis.setup.sight import check_moves, look
 from gpsim.diagnosis.setup.sizes import FEWEST_WITHOUT_CONTACT, apart
-
-__all__ = [
-    "FEWEST_WITHOUT_CONTACT",
-    "Completions",
-    "PreparedProblem",
-    "apart",
-    "candidates",
-    "check_moves",
-    "completed",
-    "filters",
-    "look",
-    "look_at",
-    "mended",
-    "not_asked",
-    "offers_of",
-    "prepare",
-    "smoothed",
-    "spread_out",
-    "telling",
-    "undone",
-]

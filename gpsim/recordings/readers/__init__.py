@@ -19,8 +19,6 @@ from gpsim.recordings.readers.tables import open_csv, open_parquet
 from gpsim.recordings.readers.walks import Bag1, Mcap
 from gpsim.recordings.values import one_line
 
-__all__ = ["KINDS", "open_log"]
-
 _STORAGE: Mapping[str, Callable[[Path], Container]] = {".db3": Sqlite, ".mcap": Mcap}
 _TABLES: Mapping[str, Callable[[Path, bool], RawLog]] = {
     ".csv": open_csv,

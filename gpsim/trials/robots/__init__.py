@@ -21,9 +21,3 @@ from gpsim.trials.robots.whole import (
     of_body,
     shares_of,
 )
-
-__all__ = [
-    "ROWS", "SHOWS", "Layout", "Robot", "body_torques", "draw_afloat", "draw_arm", "draw_robot", "draw_whole",
-    "files_of", "joint_torques", "kept_afloat", "layout_of", "motion_of", "of_body", "recorded", "robot_of", "run",
-    "run_afloat", "run_whole", "shares_of", "shown", "shown_afloat", "sound", "spec_of", "stratum_of",
-]  # fmt: skip
