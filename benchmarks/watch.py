@@ -19,9 +19,9 @@ import numpy as np
 import pandas as pd
 
 import gpsim
+from gpsim.planning import Account, Monitor, WatchSettings, looked_at
 from gpsim.recordings import Recording
 from gpsim.stages.diagnose import read_corrected, read_left_open
-from gpsim.watching import Account, Monitor, WatchSettings, looked_at
 
 DT, SUBSTEPS, SPRING, DAMPING, NOISE = 0.02, 5, 1.0, 0.8, (0.002, 0.01)
 Course = Callable[[float], float]

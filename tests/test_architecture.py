@@ -14,7 +14,7 @@ LEVELS = [
     {"api"},
     {"stages"},
     {"reports"},
-    {"planning", "watching"},
+    {"planning"},
     {"trials"},
     {"kinematics", "posterior", "traces"},
     {"diagnosis"},
@@ -27,7 +27,7 @@ LEVELS = [
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},
     {"environments"},
-    {"corrected", "policies", "targets", "gymtasks"},
+    {"corrected", "policies", "targets"},
     {"residuals", "kernels", "mjcf", "findings"},
     {"gp", "effects", "tasks", "recordings", "runs"},
     {"launchers"},
@@ -98,6 +98,8 @@ def offered(package: str) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.FunctionDef):
             found.add(node.name)
+        elif isinstance(node, ast.AnnAssign):
+            found.add(ast.unparse(node.target))
         elif isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
             found |= set(ast.literal_eval(node.value))
     return found

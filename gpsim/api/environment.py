@@ -16,8 +16,8 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.setup import look
 from gpsim.environments import BatchedEnv, SingleEnv
 from gpsim.errors import UsageError
-from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
+from gpsim.mjcf.gym_task import GymTask, is_gym_task
 from gpsim.recordings import Recording
 from gpsim.settings import build, choice, positive
 from gpsim.simulators import Plant, SimulatorPlant

@@ -10,11 +10,10 @@ from gpsim.api.diagnosis import Diagnosis
 from gpsim.api.recordings import taken_of
 from gpsim.corrected import EffectsPlant
 from gpsim.errors import UsageError
-from gpsim.planning import Plan
+from gpsim.planning import Account, Alarm, Monitor, Plan, WatchSettings, looked_at
 from gpsim.recordings import Recording
 from gpsim.settings import build, number, whole
 from gpsim.stages.stage import silent
-from gpsim.watching import Account, Alarm, Monitor, WatchSettings, looked_at
 
 
 def plan(

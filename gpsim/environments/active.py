@@ -82,7 +82,10 @@ def collect_actively(
         plan: list[Actions] = []
         while not over and count < settings.transitions:
             if known is None or count - fitted_at >= settings.refit:
-                known, fitted_at = _known(refit, done, states, actions, target.dt, settings, known, fitted_at)
+                now = [*done, _episode("now", states, actions, target.dt)] if actions else done
+                recorded = sum(map(len, now))
+                if recorded >= settings.first:  # else the last model, or none, while there is too little
+                    known, fitted_at = refit(now), recorded
                 plan = []
             if not plan:
                 plan = _planned(known, task, running, settings, rng)
@@ -94,22 +97,6 @@ def collect_actively(
         done.append(_episode(str(len(done)), states, actions, target.dt))
         note(count, settings.transitions, f"{len(done)} episodes")
     return tuple(done)
-
-
-def _known(
-    refit: Refit,
-    done: list[Episode],
-    states: list[FloatArray],
-    actions: list[FloatArray],
-    dt: float,
-    settings: ActiveSettings,
-    known: Model | None,
-    fitted_at: int,
-) -> tuple[Model | None, int]:
-    """The model of all that was recorded; the last one, or none, while there is too little."""
-    now = [*done, _episode("now", states, actions, dt)] if actions else done
-    count = sum(len(episode) for episode in now)
-    return (refit(now), count) if count >= settings.first else (known, fitted_at)
 
 
 def _planned(

@@ -29,6 +29,7 @@ __all__ = [
     "declared",
     "export_model",
     "files_digest",
+    "gym_task",
     "in_its_columns",
     "is_mujoco",
     "load_mjcf",

@@ -16,8 +16,8 @@ from gpsim.artifacts import MANIFEST, read_manifest
 from gpsim.corrected import Features
 from gpsim.errors import UsageError
 from gpsim.gp import Bounds, ChainSettings, FitSettings, Interval
-from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
+from gpsim.mjcf.gym_task import GymTask, is_gym_task
 from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.recordings import Episode, Recording

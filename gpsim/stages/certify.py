@@ -17,7 +17,7 @@ from gpsim.environments import policy_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation import Trips, behind, episode_returns, mean_and_worst, solvable, take_trips
 from gpsim.files import Json
-from gpsim.gymtasks import GymTask
+from gpsim.mjcf.gym_task import GymTask
 from gpsim.policies import balance_search
 from gpsim.settings import positive
 from gpsim.simulators import Plant

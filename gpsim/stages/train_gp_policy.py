@@ -12,7 +12,7 @@ from gpsim.corrected import PREDICTIONS, CorrectedPlant, EffectsPlant, GpCorrect
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import DrawnFunctions
-from gpsim.gymtasks import GymTask
+from gpsim.mjcf.gym_task import GymTask
 from gpsim.policies.training.settings import TRAINING_FORMAT
 from gpsim.settings import choice, texts, truth
 from gpsim.simulators import Plant, SimulatorPlant

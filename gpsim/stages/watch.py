@@ -15,11 +15,11 @@ import numpy as np
 from gpsim.artifacts import read_artifact
 from gpsim.errors import NoDiagnosis, UsageError, near_path
 from gpsim.files import disk_errors, file_digest, plain
+from gpsim.planning import Account, Alarm, Monitor, Stretch, WatchSettings, looked_at
 from gpsim.settings import build
 from gpsim.stages.diagnose import Task, open_recording, read_corrected, read_left_open
 from gpsim.stages.fleet import recordings_in
 from gpsim.stages.stage import blamed
-from gpsim.watching import Account, Alarm, Monitor, Stretch, WatchSettings, looked_at
 
 SCHEMA = "gpsim.watch/1"
 WAIT = 5.0

@@ -11,8 +11,8 @@ from gpsim.api.corrected import CorrectedSimulator
 from gpsim.corrected import CorrectedPlant, EffectsPlant
 from gpsim.effects import Term
 from gpsim.errors import UsageError
-from gpsim.gymtasks import GymTask
 from gpsim.mjcf import load_mjcf, new_environment
+from gpsim.mjcf.gym_task import GymTask
 from gpsim.simulators import SimulatorPlant
 from gpsim.targets import ChangedModel
 

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.mjcf import GYM, Layout, MjcfSimulator, load_mjcf, mujoco, new_environment
+from gpsim.mjcf.layout import Layout
+from gpsim.mjcf.loading import new_environment
+from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
 from gpsim.tasks import Actions, Start
+from gpsim.trust import GYM
 
 
 class Judge:

@@ -3,7 +3,7 @@
 import pytest
 from made_posteriors import driven, made_plant, made_posterior
 
-from gpsim.watching import Account, Monitor, WatchSettings, looked_at
+from gpsim.planning import Account, Monitor, WatchSettings, looked_at
 
 LATE = 120.0  # s, when something changes
 
