@@ -1,6 +1,6 @@
 """The expert that looks ahead, and the policy that learns from it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -9,9 +9,8 @@ from gpsim.cli.configuration import resolve
 
 from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.policies import BeamSearch, Policy, balance_search
+from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.expert import FAILS, NEARNESS, Expert, Visited
-from gpsim.policies.training import expert_iteration
 from gpsim.policies.training.expert_iteration import improved
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
@@ -19,7 +18,7 @@ from gpsim.simulators import SimulatorPlant, make_simulator
 from gpsim.stages.stage import Request
 from gpsim.stages.train_source import settings_for
 from gpsim.targets import FrictionCartPole
-from gpsim.tasks import Balance, Start
+from gpsim.tasks import Balance
 
 CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
@@ -113,29 +112,6 @@ def test_a_policy_learns_from_it_and_the_best_round_is_kept():
     assert scores.score.tobytes() == same.score.tobytes()
     for name, weights in best.weights.items():
         assert weights.tobytes() == again.weights[name].tobytes()
-
-
-@pytest.mark.slow
-def test_only_what_need_not_have_failed_is_looked_at_closely():
-    """A policy that always pushes right drops every pole; from some starts anybody would."""
-    task = Balance(start_range=0.12, angle_limit=0.12, max_steps=120)
-    weights = {"layer.0.weight": np.zeros((2, 4), np.float32), "layer.0.bias": np.array([0, 1], np.float32)}
-    right = Policy(weights, np.ones(4, dtype=np.float32))
-    expert = Expert(PLANT, task, balance_search(9.8, 0.5, 4), HORIZON, worth)
-    done = expert_iteration._played(right, PLANT, expert, np.random.default_rng(0))
-    assert not done.lasted.any()
-    saved = expert_iteration._needless(done, expert, np.random.default_rng(1))
-    start = Start(done.states[0], done.context)
-    wide = balance_search(9.8, 0.5, 64).solvable(PLANT, replace(task, max_steps=100), start, lambda *_: None)
-    assert 0 < (~wide).mean() < 0.5
-    assert wide[saved].all()
-    assert len(saved) > 0.9 * wide.mean() * expert_iteration.FAILED
-    steps, episodes = expert_iteration._looked_at(done, 600, expert, np.random.default_rng(1))
-    assert len(steps) == len(set(zip(steps, episodes, strict=True))) == 600
-    assert done.alive[steps, episodes].all()
-    elsewhere = ~np.isin(episodes, saved)
-    assert (steps[elsewhere] % expert_iteration.ANYWHERE == 0).all()
-    assert 0.2 < elsewhere.mean() <= 1 / 3
 
 
 def test_where_it_cannot_look_ahead_one_line_says_so():

@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-import io
 import json
 
 import numpy as np
 import pandas as pd
 import pytest
-from gpsim.cli import main as cli
-from gpsim.cli import progress
 from hypothesis import given
 from hypothesis import strategies as st
-from made_diagnoses import made_diagnosis, made_location
-from rich.console import Console
 
 from gpsim.channels import Channels, columns_beside
 from gpsim.corrected import Feature, Features
-from gpsim.diagnosis.assessment import location as locating
-from gpsim.diagnosis.assessment.location import concentrated
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.judging import Tried
-from gpsim.effects import Gate, Term, effect_of
-from gpsim.effects.effect import columns_of
-from gpsim.effects.term import EPISODE
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import (
     Described,
     Episode,
-    ImportReport,
     OverGaps,
     Recording,
     open_log,
@@ -40,17 +27,11 @@ from gpsim.recordings import (
     write_recording,
 )
 from gpsim.recordings.export import wide_table
-from gpsim.recordings.importing import EpisodeCount
-from gpsim.reports.diagnosis_text import where
-from gpsim.reports.import_text import as_text
-from gpsim.reports.loop_page import terminal_table
-from gpsim.reports.sheets import Sheet, printable, row
+from gpsim.reports.sheets import printable
 from gpsim.residuals import Residuals, from_table, to_table
-from gpsim.simulators import make_simulator
 from gpsim.stages.policy_files import read_gp, write_gp
 
 NAMES = st.lists(st.text(min_size=1, max_size=20), min_size=1, max_size=6, unique=True)
-MARKUP = "[red]x[/] [/] [bold"
 
 
 # Features on disk
@@ -187,53 +168,6 @@ def test_a_quoted_header_may_hold_the_separator(tmp_path):
 # Gates, places and what a report says
 
 
-def test_a_channel_called_episode_is_not_the_count_of_episodes():
-    gate = Gate(region={"episode": (0.0, 1.0)})
-    assert gate.looks_at == "episode"
-    assert gate.looks_at != EPISODE
-    assert Gate(since_episode=3).looks_at is EPISODE
-
-
-def test_gates_at_channels_called_as_moments_are_other_hypotheses():
-    def gated(gate):
-        return Hypothesis((Term("viscous_friction", "q", {"damping": 1.0}, gate),))
-
-    assert gated(Gate(since=1.0)).names != gated(Gate(region={"time": (0.0, 1.0)})).names
-    assert gated(Gate(since_episode=1)).names != gated(Gate(region={"episode": (0.0, 1.0)})).names
-    assert Tried(gated(Gate(since_episode=1)), 0.0).entry.gates == ("episode",)
-    assert Tried(gated(Gate(since=1.0)), 0.0).entry.gates == ("time",)
-
-
-def test_a_channel_called_pose_is_one_channel():
-    simulator = make_simulator("unicycle")
-    named = replace_state(simulator, {"pose": "m", "x": "m", "y": "m", "yaw": "rad"})
-    assert columns_of(effect_of("sensor_bias"), "pose", named) == (0,)
-    assert columns_of(effect_of("marker_offset"), "pose", named) == (1, 2, 3)
-
-
-def replace_state(simulator, units):
-    class Named(type(simulator)):
-        state = Channels.of(units)
-
-    return Named()
-
-
-def test_a_channel_called_as_an_age_is_told_as_a_channel():
-    name = f"{locating.SINCE_REVERSAL}F"
-    values = np.linspace(-1.0, 1.0, 2000)
-    squares = np.where(np.abs(values) < 0.1, 1.0, 0.0)
-    part = concentrated({name: values}, squares, 1e-3)
-    age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
-    assert (part.age, age.age) == (False, True)
-    entries = [part.of("r"), age.of("r")]
-    said = [
-        where(made_diagnosis(verdict="partial", location=made_location(concentrated=entry)))
-        for entry in entries
-    ]
-    assert f"inside {name} = [" in said[0]
-    assert "s of a reversal of F" in said[1]
-
-
 # The terminal
 
 
@@ -243,58 +177,3 @@ def test_what_is_printed_holds_no_control_characters(text):
     said.encode()
     assert not set(said) & ({chr(i) for i in (*range(32), *range(127, 160), 0x202E)} - {"\n", "\t"})
     assert printable(said) == said
-
-
-def test_letters_of_all_kinds_are_printed_as_they_are():
-    text = "x (m) $v$ [red] ż位😀 \u202f é ‘q’"
-    assert printable(text) == text
-
-
-def test_an_error_cannot_command_the_terminal(monkeypatch, capsys):
-    def fails():
-        raise UsageError("no channel 'a\x1b[2J\u202eb'")
-
-    monkeypatch.setattr(cli, "app", fails)
-    with pytest.raises(SystemExit) as ended:
-        cli.main()
-    assert ended.value.code == 2
-    assert capsys.readouterr().err == "error: no channel 'a?[2J?b'\n"
-
-
-def test_bars_and_lines_show_markup_as_it_is(monkeypatch):
-    stream = io.StringIO()
-    console = Console(file=stream, force_terminal=True, width=160, color_system=None)
-    monkeypatch.setattr(progress, "Console", lambda **_: console)
-    with progress.Board(2) as board:
-        board.update(MARKUP, 1, 2, f"{MARKUP}\x1b[2J on x")
-        board._bars.refresh()
-        board.finish("other", f"made {MARKUP}")
-    said = stream.getvalue()
-    assert said.count(MARKUP) >= 3
-    assert "\x1b[2J" not in said
-
-
-def test_a_log_line_shows_no_control_characters(monkeypatch, capsys):
-    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", -1.0)
-    with progress.Board() as board:
-        board.update("job", 1, 2, f"{MARKUP}\x1b[2J")
-    assert f"{MARKUP}[2J" in capsys.readouterr().err
-
-
-def printed(renderable):
-    console = Console(file=io.StringIO(), width=200, color_system=None)
-    console.print(renderable)
-    return console.file.getvalue()
-
-
-def test_tables_show_markup_as_it_is():
-    sheet = Sheet(MARKUP, (MARKUP, "n"), (row(f"{MARKUP}\x1b[2J", "1"),), note=MARKUP)
-    said = printed(terminal_table(sheet, {}))
-    assert said.count(MARKUP) == 4
-    assert "\x1b" not in said
-
-
-def test_the_import_report_shows_markup_as_it_is():
-    episodes = (EpisodeCount(MARKUP, f"{MARKUP}.csv", 0.0, 1.0, 10),)
-    report = ImportReport((), episodes, "source", notes=(MARKUP,), warnings=(MARKUP,))
-    assert as_text(report, width=200).count(MARKUP) == 4

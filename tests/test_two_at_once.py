@@ -3,8 +3,6 @@
 import signal
 import subprocess
 import sys
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -12,7 +10,6 @@ from gpsim.cli.configuration import resolve
 from gpsim.cli.progress import Board
 
 from gpsim.artifacts import Recipe, held
-from gpsim.stages import prove
 from gpsim.stages.stage import Request, Stage
 
 MAKER = """
@@ -86,24 +83,6 @@ def test_what_a_killed_process_left_blocks_nobody_and_goes(tmp_path):
     stage.make(Request(config, progress=lambda *told: notes.append(told)))
     assert not notes
     assert [p.name for p in shelf.iterdir()] == ["v0001"]
-
-
-def test_two_proofs_in_one_folder_diagnose_a_trial_one_after_the_other(tmp_path, monkeypatch):
-    """The second finds what the first has kept."""
-    begun, done = [], []
-
-    def diagnose(out, name):
-        assert len(begun) == len(done)
-        begun.append(name)
-        time.sleep(0.1)  # for the other to come in, if it could
-        done.append(name)
-        return {"seconds": 1.0}
-
-    monkeypatch.setattr(prove, "diagnose_blind", diagnose)
-    with ThreadPoolExecutor(2) as pool:
-        assert list(pool.map(lambda _: prove._diagnose_one(tmp_path, 7), range(2))) == [1.0, 1.0]
-    assert done == ["0007", "0007"]
-    assert not list((tmp_path / "diagnoses").iterdir())
 
 
 def test_a_failed_writer_holds_nothing(tmp_path):

@@ -6,36 +6,8 @@ import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_location
 
 from gpsim.findings import Concentration, StepErrors
-from gpsim.reports.diagnosis_text import _between, _moment, where
+from gpsim.reports.diagnosis_text import where
 from gpsim.reports.quantities import in_percent
-
-
-@pytest.mark.parametrize(
-    ("t", "dt", "said"),
-    [
-        (1234.5, 0.02, "1234.50"),
-        (1234.5, 0.1, "1234.5"),
-        (1.7e9 + 6.25, 0.01, "1700000006.25"),
-        (86400.0, 4.0, "86400"),
-        (6.0, None, "6"),
-    ],
-)
-def test_a_moment_is_told_to_a_step_of_its_clock(t, dt, said):
-    assert _moment(t, dt) == said
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "said"),
-    [
-        (-1.1, -0.4, "[-1.1, -0.4]"),
-        (100.123, 100.987, "[100.12, 100.99]"),
-        (1200.52, 1260.81, "[1201, 1261]"),
-        (0.5, 0.5, "[0.5, 0.5]"),
-        (0.0, 0.0, "[0, 0]"),
-    ],
-)
-def test_an_interval_is_told_to_a_part_of_its_width(low, high, said):
-    assert _between(low, high) == said
 
 
 def test_it_says_when_and_where():

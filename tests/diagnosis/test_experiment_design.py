@@ -1,12 +1,11 @@
 """What to record next: for every rival that is reported, with commands of the size that was given."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.experiment_design import _amplitudes, design_experiment
+from gpsim.diagnosis.assessment.experiment_design import design_experiment
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
@@ -20,26 +19,6 @@ def problem():
     recording = record(World("slider"), episodes=6, steps=100)
     simulator = make_simulator("slider")
     return prepare(recording, simulator, simulator.defaults(recording.parameters)).everything
-
-
-def commanded(problem, actions):
-    return replace(problem.windows, actions=actions)
-
-
-def test_seldom_commands_count_with_their_size(problem):
-    actions, rng = np.zeros_like(problem.windows.actions), np.random.default_rng(0)
-    pushed = rng.random(actions.shape) < 0.02
-    actions[pushed] = 5.0
-    actions[0, 0] = 5.0
-    assert _amplitudes(commanded(problem, actions)) == pytest.approx([5.0])
-    idle = actions + 1e-4 * rng.normal(size=actions.shape)  # an analogue stick is never quite at rest
-    assert _amplitudes(commanded(problem, idle)) == pytest.approx([5.0], rel=1e-3)
-    assert _amplitudes(commanded(problem, 0.0 * actions)) == [0.0]
-
-
-def test_steady_commands_count_as_before(problem):
-    actions = problem.windows.actions
-    assert _amplitudes(problem.windows)[0] == np.quantile(np.abs(actions), 0.95)
 
 
 def test_every_rival_that_is_reported_is_told_apart(problem):

@@ -9,7 +9,6 @@ import pytest
 from gpsim import load_simulator
 from gpsim.channels import Channels
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.setup import estimated as hidden
 from gpsim.diagnosis.setup import prepare
 from gpsim.effects import Term
 from gpsim.traces import BASE, EFFECTS, course
@@ -34,22 +33,6 @@ def question(tmp_path_factory):
         noise={"q": full.noise["q"]},
     )
     return prepare(recording, simulator, simulator.defaults())
-
-
-def test_a_recording_is_completed_once_for_each_hypothesis(question, monkeypatch):
-    asked = []
-    plain = hidden.smoothed
-    monkeypatch.setattr(hidden, "smoothed", lambda *given: asked.append(given[2]) or plain(*given))
-    pulled = Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))
-    completions = hidden.Completions(question.everything, question.recording, question.hidden, pulled)
-    first = completions.by(pulled)
-    assert completions.by(Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))) is first
-    assert completions.by(Hypothesis(scheme="euler")) is not first
-    assert len(asked) == 2
-    assert completions.by(Hypothesis(scheme="euler")) is completions.by(Hypothesis(scheme="euler"))
-    monkeypatch.setattr(hidden, "closed", lambda simulator: simulator)  # steps are dear: the account for all
-    dear = hidden.Completions(question.everything, question.recording, question.hidden, pulled)
-    assert dear.by(Hypothesis(scheme="euler")) is dear.by(pulled)
 
 
 def test_the_course_starts_each_model_from_its_own_hidden_state(question, monkeypatch):

@@ -9,13 +9,12 @@ import pytest
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _moves, _windows
 from gpsim.diagnosis.data import cut, held_out_mask, rebased, thinned
 from gpsim.diagnosis.fitting import Hypothesis, predicted, simulate
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, WindowSettings
 from gpsim.diagnosis.setup import prepare
-from gpsim.effects import Gate, Term
+from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports.account import account_of
@@ -136,19 +135,6 @@ def test_a_delay_of_many_steps_is_kept_by_the_corrected_simulator():
         speeds.append(state[0, 1])
     assert np.flatnonzero(np.array(speeds) > 1e-12)[0] == 50
     assert speeds[-1] == pytest.approx(0.03, rel=1e-6)
-
-
-def test_what_to_record_next_is_after_every_onset():
-    problem = question_of(record(World("slider"), episodes=6, steps=100)).everything
-    gate = Gate(since=40.0)
-    rivals = [
-        Hypothesis(terms=(Term("constant_force", "q", {"force": 1.0}, gate),), declared=((),)),
-        Hypothesis(terms=(Term("viscous_friction", "q", {"damping": 1.0}, gate),), declared=((),)),
-    ]
-    _, actions = _excitations(problem)
-    windows = _windows(problem, actions, _latest(rivals))
-    first, second = (_moves(problem, windows, h) for h in rivals)
-    assert np.abs(first - second).max() > 0.1
 
 
 def test_an_episode_of_a_few_samples_does_not_keep_a_fast_clock_fast():

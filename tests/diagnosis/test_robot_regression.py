@@ -226,14 +226,6 @@ def test_a_joint_that_stands_is_held_at_least_by_what_pulls_it(tmp_path, monkeyp
     assert ("viscous_friction", "elbow") not in sized.values  # nobody knows
 
 
-def test_nothing_is_said_where_something_pushes_all_the_time(complete, monkeypatch):
-    def every(self, states):
-        return np.ones((len(states), len(self.coordinates)), dtype=np.bool_)
-
-    monkeypatch.setattr(type(complete.everything.simulator), "hindered", every)
-    assert said_of(complete) is None
-
-
 def test_what_something_pushes_now_and_then_is_left_out(complete, monkeypatch):
     """As if a stop pushed one joint beyond a position: the other rows say the same."""
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsim.diagnosis.judging.attribution import _deciding, _growth, _shapley, role_of
+from gpsim.diagnosis.judging.attribution import _shapley, role_of
 from gpsim.diagnosis.judging.judges import Mismatch, draws
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.findings import Share
@@ -142,20 +142,3 @@ def test_what_some_channel_surely_needs_is_a_headline_however_little_it_is_of_th
     assert role_of(*little, 50, 13.0, SETTINGS) == "headline"
     assert role_of(*little, 50, 3.0, SETTINGS) == "slight"
     assert role_of(*little, 2, 13.0, SETTINGS) == "slight"  # in a moment or two
-
-
-def test_the_growth_of_an_error_is_that_of_the_channel_in_which_it_grows_most_surely():
-    of = mismatch(np.full((10, 2), 1000.0), np.ones((10, 2)))
-    left = np.full((10, 2), 4.0)
-    assert _growth(of, left, np.full((10, 2), (4.0, 40.0))) == pytest.approx(10.0)
-    once = np.full((10, 2), 4.0)
-    once[0] = 400.0  # in one block alone
-    assert _growth(of, left, once) < 2.0
-    assert _growth(of, np.full((10, 2), 0.1), np.full((10, 2), 1.0)) == pytest.approx(1.0)  # within the noise
-
-
-def test_an_effect_decides_where_far_more_is_left_without_it_than_with_it_and_than_noise():
-    of = mismatch(np.full((10, 1), 100.0), np.ones((10, 1)))
-    squares, without = np.full((10, 1), 2.0), np.full((10, 1), 2.0)
-    without[:3], squares[3:5], without[3:5] = 50.0, 0.1, 1.5
-    assert _deciding(of, squares, without, SETTINGS) == 3

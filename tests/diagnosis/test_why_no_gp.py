@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import diagnose
-from gpsim.diagnosis.assessment import comparison, rollouts
+from gpsim.diagnosis.assessment import comparison
 from gpsim.diagnosis.assessment.remainder_gp import Corrected, best, learn, why_not
-from gpsim.diagnosis.assessment.rollouts import Model, free_length, free_runs, whole_windows
+from gpsim.diagnosis.assessment.rollouts import free_runs, whole_windows
 from gpsim.diagnosis.data import cut, held_out_mask
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.run import Run
@@ -116,14 +116,6 @@ def test_one_that_helps_in_long_runs_is_kept():
     assert found.why_no_gp is None
     assert len(found.corrected.free)
     assert found.corrected.free.length == 800
-
-
-def test_where_the_account_is_lost_long_runs_have_no_say(question, monkeypatch):
-    """They are halved until it foresees something, and left out where that is not before a rollout's horizon."""
-    assert free_length(question, question.recording, Model(Hypothesis())) == 0
-    assert len(free_runs(question, question.recording, 0)) == 0
-    monkeypatch.setattr(rollouts, "FORESEEN", 10.0)
-    assert free_length(question, question.recording, Model(Hypothesis())) == WHOLE
 
 
 def test_what_is_held_out_has_no_say(question, learnt):

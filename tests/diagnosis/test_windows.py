@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gpsim.channels import wrap_angle
-from gpsim.diagnosis.assessment.rollouts import _longest
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.recordings import HeldOut, Recording
@@ -122,16 +121,6 @@ def test_what_lies_before_a_gap_is_of_another_time(lost):
     np.testing.assert_array_equal(windows.lost, after)
     np.testing.assert_array_equal(windows.rested, windows.t[:, 0] == 0.0)
     np.testing.assert_array_equal(windows.fresh, windows.lost | windows.rested)
-
-
-@pytest.mark.parametrize(("episodes", "steps"), [(1, 200), (2, 100), (4, 75)])
-def test_short_held_out_stretches_are_rolled_out_as_far_as_they_go(episodes, steps):
-    recording = replace(record(World("slider"), episodes=episodes, steps=steps), held_out=None)
-    length = _longest(recording)
-    windows = cut(recording, WindowSettings(), length)
-    whole = windows.take(held_out_mask(recording, windows) & windows.valid[:, -1])
-    assert length >= 10
-    assert len(whole) >= 1
 
 
 @given(seed=st.integers(0, 10_000))

@@ -23,10 +23,6 @@ def describing(*names):
     return Messages("dynamic_reconfigure/msg/ConfigDescription", [(EPOCH + 200_000_000, {"groups": groups})])
 
 
-def topics_of(path, **options):
-    return {topic.name: topic for topic in open_log(path, **options).topics()}
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path, kind):
     """A dynamic_reconfigure topic used to end the inspection of a whole bag of an F1TENTH car."""
