@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow test-attacks test-cluster lint unused format types docs bench wheel clean
+.PHONY: help install run run-limo smoke prove report $(STAGES) test coverage test-slow test-attacks test-cluster lint unused format types docs bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -49,6 +49,12 @@ $(STAGES): install
 test: install lint  ## Tests, ruff and strict types
 	@$(BIN)/mypy & typed=$$!; $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder; \
 	  tested=$$?; wait $$typed && exit $$tested
+
+coverage: install  ## Which lines of gpsim/ and cli/ the tests run: a table, and build/coverage/
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[coverage]'
+	mkdir -p build
+	COVERAGE_FILE=$(CURDIR)/build/.coverage $(BIN)/python -m pytest -n auto --dist loadfile --cov gpsim --cov cli \
+	  --cov-report term:skip-covered --cov-report html:build/coverage
 
 test-slow: install  ## The heavy tests, minutes each
 	$(BIN)/python -m pytest -m slow -n auto --dist load

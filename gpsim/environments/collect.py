@@ -16,7 +16,7 @@ from gpsim.environments.envs import Episodes
 from gpsim.policies import Policy
 from gpsim.recordings import Episode
 from gpsim.simulators import Plant
-from gpsim.tasks import Actions, Start, Task
+from gpsim.tasks import Actions, Task
 
 HOLD_CHANGE = 0.1
 Act = Callable[[NDArray[np.float32]], Actions]
@@ -63,11 +63,11 @@ def dithered_actor(actor: Act, task: Task, share: float, rng: np.random.Generato
 
 
 def collect_episodes(
-    plant: Plant, task: Task, act: Act, count: int, rng: np.random.Generator, start: Start | None = None
+    plant: Plant, task: Task, act: Act, count: int, rng: np.random.Generator
 ) -> tuple[Episode, ...]:
     """Run `count` episodes to their end as one batch; each has a clock of its own, from 0."""
     running = Episodes(plant, task, count, rng)
-    observations = running.begin(start)
+    observations = running.begin()
     states, actions = [running.states], []
     lengths = np.full(count, task.max_steps, dtype=np.int64)
     ended = np.zeros(count, dtype=np.bool_)

@@ -24,9 +24,9 @@ def interquartile_mean(values: FloatArray) -> float:
 
 
 def bootstrap_interval(
-    values: FloatArray, statistic: Callable[[FloatArray], float], *, level: float = 0.95, draws: int = 2000
+    values: FloatArray, statistic: Callable[[FloatArray], float], draws: int = 2000
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of statistic(values) over the rows of `values` (N, ...).
+    """95 % percentile bootstrap interval of statistic(values) over the rows of `values` (N, ...).
 
     With seeds as the rows of (seeds, starts), whole seeds are drawn, and the starts that all of them share: a start
     that nobody solves counts once, however many seeds have tried it. The draws are the same at every call.
@@ -39,8 +39,7 @@ def bootstrap_interval(
         if values.ndim > 1:
             rows = rows[:, rng.integers(0, rows.shape[1], rows.shape[1])]
         found[i] = statistic(rows)
-    tail = 50.0 * (1.0 - level)
-    low, high = np.percentile(found, [tail, 100.0 - tail])
+    low, high = np.percentile(found, [2.5, 97.5])
     return float(low), float(high)
 
 

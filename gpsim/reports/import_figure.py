@@ -17,7 +17,7 @@ LONGEST_TITLE = 100  # letters
 MOST_POINTS = 4000  # a curve; more is thinned to the extremes of each pixel column
 
 
-def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
+def draw_channels(recording: Recording, path: Path) -> None:
     """Write a PNG: one panel a channel, states as lines, actions as steps, held-out time shaded.
 
     Episodes on their own clocks are laid one after the other.
@@ -32,7 +32,7 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
             panel.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=9)
         apart = "" if recording.clock == "session" else ", episodes one after the other"
         axes[-1, 0].set_xlabel(f"time [s]{apart}")
-        what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
+        what = f"{recording.system}: {len(recording.episodes)} episode(s)"
         figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
         path.write_bytes(png(figure))
 

@@ -143,10 +143,10 @@ def render(report: ImportReport) -> RenderableType:
     )
 
 
-def as_text(report: ImportReport, width: int = 110) -> str:
+def as_text(report: ImportReport) -> str:
     """The same report as plain text."""
     file = StringIO()
-    Console(file=file, width=width, color_system=None, force_terminal=False).print(render(report))
+    Console(file=file, width=110, color_system=None, force_terminal=False).print(render(report))
     return "\n".join(line.rstrip() for line in file.getvalue().splitlines()) + "\n"
 
 

@@ -121,11 +121,9 @@ def coefficient(value: Any) -> str:
     return "1.000000" if value >= 1.0 else f"> {1.0 - 1e-6:.6f}"
 
 
-def plus_minus(value: Any, spread: Any, digits: int = 1) -> str:
+def plus_minus(value: Any, spread: Any) -> str:
     """A mean and its standard deviation."""
-    if not known(value):
-        return MISSING
-    return f"{fixed(value, digits)} ± {fixed(spread, digits)}" if known(spread) else fixed(value, digits)
+    return f"{fixed(value)} ± {fixed(spread)}" if known(value) and known(spread) else fixed(value)
 
 
 def span(interval: Sequence[float] | None, digits: int = 1) -> str:

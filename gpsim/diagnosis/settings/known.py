@@ -64,18 +64,16 @@ class Known:
 NOTHING_KNOWN = Known()
 
 
-def read_known(known: Any, families: Any, where: str = "diagnose") -> Known:
+def read_known(known: Any, families: Any) -> Known:
     """From the configuration's `known` and `families`; raises UsageError that names the key."""
-    known, families = (
-        _table(known, f"{where}.known", ("fix", "bounds")),
-        _table(families, f"{where}.families", NAMES),
-    )
-    fix = _table(known.get("fix"), f"{where}.known.fix")
-    bounds = _table(known.get("bounds"), f"{where}.known.bounds")
+    known = _table(known, "diagnose.known", ("fix", "bounds"))
+    families = _table(families, "diagnose.families", NAMES)
+    fix = _table(known.get("fix"), "diagnose.known.fix")
+    bounds = _table(known.get("bounds"), "diagnose.known.bounds")
     return Known(
-        {name: _number(value, f"{where}.known.fix.{name}") for name, value in fix.items()},
-        {name: _interval(ends, f"{where}.known.bounds.{name}") for name, ends in bounds.items()},
-        *(_names(families.get(name), f"{where}.families.{name}") for name in NAMES),
+        {name: _number(value, f"diagnose.known.fix.{name}") for name, value in fix.items()},
+        {name: _interval(ends, f"diagnose.known.bounds.{name}") for name, ends in bounds.items()},
+        *(_names(families.get(name), f"diagnose.families.{name}") for name in NAMES),
     )
 
 

@@ -233,11 +233,11 @@ def run(world: World, effects: Sequence[TrueEffect]) -> Run:
     return driven(world, effects, frame_of(world.system), plant, drive(world), state, plant.h)
 
 
-def run_whole(world: World, h: float | None = None) -> Run:
+def run_whole(world: World) -> Run:
     """Drive a whole robot; a fine state is a sample's."""
     driving, state = drive(world), starts(world)
     noise = noise_of(world, layout_of(world.system).names)
-    plant = Stepped(world.system, world.effects, h or step_of(world.system))
+    plant = Stepped(world.system, world.effects, step_of(world.system))
     n = round(world.dt / plant.h)
     held = plant.late // n  # samples
     plant.late -= held * n
