@@ -11,8 +11,8 @@ The files, each of which knows only those before it:
     concealing, blinding          conceal, diagnose blind, reveal
     fits, sindy, judged,          other explanations of a world, equivalents, and another program's
     plan_rivals
-    claims, contradictions,       one diagnosis against its answer
-    scoring_parts, scoring
+    claims, scoring_parts,        one diagnosis against its answer
+    scoring
     intervals, figures, summary   figures of all trials, and the goals
 
 Nothing that makes the truth (all up to `robots`) imports `gpsim.effects`, `gpsim.simulators`, `gpsim.mjcf` or

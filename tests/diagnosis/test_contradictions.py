@@ -14,7 +14,7 @@ from gpsim.findings import (
     Share,
 )
 from gpsim.reports.wording import worded
-from gpsim.trials.contradictions import contradictions
+from gpsim.trials.scoring import contradictions
 
 
 def found_in(diagnosis):

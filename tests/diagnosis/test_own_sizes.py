@@ -14,7 +14,7 @@ from gpsim.findings import Odds, no_size, sized
 from gpsim.recordings import joined
 from gpsim.reports.wording import implausible_text
 from gpsim.simulators import make_simulator
-from gpsim.trials.contradictions import contradictions
+from gpsim.trials.scoring import contradictions
 
 from .worlds import World, record
 

@@ -11,7 +11,7 @@ from gpsim.diagnosis.settings import Known
 from gpsim.reports.wording import worded
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
-from gpsim.trials.contradictions import contradictions
+from gpsim.trials.scoring import contradictions
 
 SETS = {
     "emps": ("emps/DATA_EMPS.mat", 1),
