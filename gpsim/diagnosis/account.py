@@ -132,6 +132,7 @@ def _effects(
     for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
         parameters, own = _parted(question, known)
         alone = bool(own) and not any(owner_of(name) is None for name in known)
+        odds = odds_against(judgement.ranking, found.hypothesis, term.identity)
         effect = NamedEffect(
             family=term.family,
             on=term.on,
@@ -142,7 +143,7 @@ def _effects(
             since_episode=question.episode_name(term.gate.since_episode),
             acts_in=_acts_in(problem, term) if term.gate else None,
             probability=probability,
-            odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
+            odds=odds,
             evidence_gain=0.0,
             explains=0.0,
             recordings=tuple(own) if alone else None,
@@ -152,6 +153,7 @@ def _effects(
         if found is judgement.leader:
             effect = replace(
                 effect,
+                odds=worth.told(odds, i, judgement.p_value, problem.run.settings.verdict),
                 evidence_gain=judgement.gains[i],
                 explains=worth.importance[i].share,
                 importance=_part(worth.importance[i], term),

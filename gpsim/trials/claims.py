@@ -54,7 +54,7 @@ def said_share(report: Json) -> float | None:
 
 
 def asserted(effect: Json) -> bool:
-    """Whether an effect is said to hold, with odds above ten.
+    """Whether an effect is said to hold, with odds above ten. A measured curve is no name: it says that none fits.
 
     The odds are its own, against the best that was found without it: what `ambiguous` answers have in common is
     asserted, too. Where nothing else was tried they are those of the whole answer.
@@ -63,7 +63,8 @@ def asserted(effect: Json) -> bool:
     if nats is None:
         probability = float(effect["probability"] or 0.0)
         nats = math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
-    return effect.get("form") != "approximate" and float(nats) > math.log(WRONG_ODDS)
+    named = effect.get("curve") is None and effect.get("form") != "approximate"
+    return named and float(nats) > math.log(WRONG_ODDS)
 
 
 def is_part(effect: Json, names: set[str]) -> bool:
