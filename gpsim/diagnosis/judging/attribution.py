@@ -50,13 +50,13 @@ class Attribution:
     def told(self, odds: Odds, index: int, p_value: float, settings: VerdictSettings) -> Odds:
         """The odds of a term as they may be told where chance, by a p_value, would not leave what the account leaves.
 
-        A law that no catalogue has could then stand in its place: the likelier, the more is left of what it is needed
-        for. What nothing in the catalogue comes near keeps odds that decide.
+        A law that no catalogue has could then stand in its place: the likelier, the more is left beside what it does.
+        What nothing in the catalogue comes near keeps odds that decide.
         """
         left, surely = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0)
         if odds.nats is None or p_value >= settings.chance or min(left, surely) <= 0.0:
             return odds
-        most = math.log(max(settings.odds, settings.outside * self.needed[index].share / left))
+        most = math.log(max(settings.odds, settings.outside * self.importance[index].share / left))
         return Odds(round(most, 2), ()) if odds.nats > most else odds
 
 
