@@ -19,7 +19,7 @@ from gpsim.diagnosis.assessment import (
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
 from gpsim.diagnosis.setup import PreparedProblem, not_asked
-from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
+from gpsim.effects import IN_EPISODE, Term, base_name, closed, origins, owner_of
 from gpsim.findings import (
     Alternative,
     BroughtFrom,
@@ -128,6 +128,7 @@ def _effects(
 ) -> tuple[NamedEffect, ...]:
     """The effects of an explanation, on every place on which they act alike; the leader's with what they are worth."""
     problem, judgement, worth = question.everything, answer.judgement, answer.attribution
+    robot = closed(problem.simulator)  # what it leaves is of all of its joints
     out: list[NamedEffect] = []
     for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
         parameters, own = _parted(question, known)
@@ -153,7 +154,7 @@ def _effects(
         if found is judgement.leader:
             effect = replace(
                 effect,
-                odds=worth.told(odds, i, judgement.p_value, problem.run.settings.verdict),
+                odds=odds if robot else worth.told(odds, i, judgement.p_value, problem.run.settings.verdict),
                 evidence_gain=judgement.gains[i],
                 explains=worth.importance[i].share,
                 importance=_part(worth.importance[i], term),

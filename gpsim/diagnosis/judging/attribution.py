@@ -51,7 +51,6 @@ class Attribution:
         """The odds of a term as they may be told where chance, by a p_value, would not leave what the account leaves.
 
         A law that no catalogue has could then stand in its place: the likelier, the more is left beside what it does.
-        What nothing in the catalogue comes near keeps odds that decide.
         """
         left, surely = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0)
         if odds.nats is None or p_value >= settings.chance or min(left, surely) <= 0.0:
