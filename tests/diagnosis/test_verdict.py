@@ -27,10 +27,7 @@ def hypothesis(names, gains=None):
     terms = tuple(
         Term("actuator_gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names
     )
-    declared = (
-        GAIN,
-        EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True),
-    )
+    declared = (GAIN, EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True))
     return Hypothesis(terms=terms, declared=(declared,) * len(terms))
 
 
