@@ -133,7 +133,7 @@ def _changes(
     for since in np.quantile(windows.t[:, 0], np.linspace(EARLIEST, LATEST, MOMENTS)):
         yield Gate(since=float(since)), np.where((windows.t[:, 0] >= since)[:, None], whole, 0.0)
     site, coordinates = effect_of(law.candidate.family).site, search.shooting.problem.simulator.coordinates
-    driven = [c.name for c in coordinates if site == "actuator" and law.has_slope]
+    driven = [c.name for c in coordinates if site == "actuator" and law.has_slope and law.parameters == 1]
     for on in driven or [n for n in names if site == "force" and n == law.candidate.place.on]:
         visited = windows.measured[windows.valid][:, names.index(on)]
         edges = np.unique(np.quantile(visited, np.linspace(0.0, 1.0, PLACES + 1)))
