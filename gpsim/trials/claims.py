@@ -59,12 +59,11 @@ def asserted(effect: Json) -> bool:
     The odds are its own, against the best that was found without it: what `ambiguous` answers have in common is
     asserted, too. Where nothing else was tried they are those of the whole answer.
     """
-    nats = (effect.get("odds") or {}).get("nats")
+    nats: float | None = (effect.get("odds") or {}).get("nats")
     if nats is None:
         probability = float(effect["probability"] or 0.0)
         nats = math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
-    named = effect.get("curve") is None and effect.get("form") != "approximate"
-    return named and float(nats) > math.log(WRONG_ODDS)
+    return not effect.get("curve") and effect.get("form") != "approximate" and nats > math.log(WRONG_ODDS)
 
 
 def is_part(effect: Json, names: set[str]) -> bool:
