@@ -105,7 +105,7 @@ def _answer(
     sizes = averaged(question, judgement.leader, judgement.rivals, judgement.probabilities, left)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
     asked, bent, unusual = climbed.asked, climbed.bent, climbed.unusual
-    forms = forms_of(judgement, attribution, asked, bent, unusual, settings.verdict.follows)
+    forms = forms_of(judgement, attribution, asked, bent, unusual, settings.verdict)
     doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":

@@ -83,8 +83,8 @@ def test_an_unusual_law_must_follow_what_it_is_named_for():
         (chance, left, "untested"),
         (structure, ALL, "untested"),
     ):
-        assert forms_of(judged, worth, (), (), {("actuator_gain", "a")}, 0.0025) == (form,)
-    assert forms_of(structure, left, (), (), (), 0.0025) == ("untested",)
+        assert forms_of(judged, worth, (), (), {("actuator_gain", "a")}, Settings().verdict) == (form,)
+    assert forms_of(structure, left, (), (), (), Settings().verdict) == ("untested",)
 
 
 @pytest.mark.parametrize(("share", "p_value", "odds"), [(0.95, 1e-9, 3), (0.999, 1e-9, 50), (0.95, 0.5, 1e6)])

@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gpsim.diagnosis.judging.attribution import Attribution
 from gpsim.diagnosis.judging.judgement import Judgement, odds_against
-from gpsim.diagnosis.settings import Known, Settings
+from gpsim.diagnosis.settings import Known, Settings, VerdictSettings
 from gpsim.effects import Measured
 from gpsim.findings import (
     BlackBox,
@@ -85,24 +85,24 @@ def forms_of(
     asked: Collection[tuple[str, str]],
     bent: Collection[tuple[str, str]],
     unusual: Collection[tuple[str, str]],
-    follows: float,
+    settings: VerdictSettings,
 ) -> tuple[Form, ...]:
-    """Whether laws hold: where a curve of their own input was asked for, and none at their place is a headline.
+    """Whether laws hold: where a curve of their own input was asked for, and none counts at their place.
 
     What is usual on a machine is told though it is never quite so; what is not must follow what it is named for: no
-    curve bends beside it (bent), and what is surely left and structured is no more than the share `follows` of it.
+    curve bends beside it (bent), and what is surely left and structured is no more than `follows` of it.
     asked: place and input of every curve that was; bent, unusual: laws by family and place.
     """
     terms, out = judgement.leader.hypothesis.terms, list[Form]()
-    left = 1.0 - _at_most(attribution.share)
-    roles = zip(terms, attribution.roles, strict=True)
-    curved = {t.on for t, role in roles if isinstance(t.effect, Measured) and role == "headline"}
-    for term, does in zip(terms, attribution.importance, strict=True):
+    left, most = 1.0 - _at_most(attribution.share), 1.0 - settings.nearly_all
+    every = list(zip(terms, attribution.importance, attribution.roles, strict=True))
+    curves = [
+        (t.on, s.share > most or r == "headline") for t, s, r in every if isinstance(t.effect, Measured)
+    ]
+    for term, does, _ in every:
         tested = (term.on, term.effect.function_of) in asked
-        misses = judgement.structured and left > follows * does.share
-        rough = (
-            (misses and term.identity in unusual) or term.identity in bent or (tested and term.on in curved)
-        )
+        misses = term.identity in unusual and judgement.structured and left > settings.follows * does.share
+        rough = misses or term.identity in bent or (tested and (term.on, True) in curves)
         out.append("approximate" if rough else "holds" if tested else "untested")
     return tuple(out)
 
