@@ -19,7 +19,7 @@ from gpsim.diagnosis.assessment import (
 from gpsim.diagnosis.fitting import Fit, Problem
 from gpsim.diagnosis.judging import Attribution, Judgement, odds_against
 from gpsim.diagnosis.setup import PreparedProblem, not_asked
-from gpsim.effects import IN_EPISODE, Term, base_name, origins, owner_of
+from gpsim.effects import IN_EPISODE, Term, base_name, closed, origins, owner_of
 from gpsim.findings import (
     Alternative,
     BroughtFrom,
@@ -128,10 +128,12 @@ def _effects(
 ) -> tuple[NamedEffect, ...]:
     """The effects of an explanation, on every place on which they act alike; the leader's with what they are worth."""
     problem, judgement, worth = question.everything, answer.judgement, answer.attribution
+    robot = closed(problem.simulator)  # what it leaves is of all of its joints
     out: list[NamedEffect] = []
     for i, (term, known) in enumerate(zip(found.hypothesis.terms, sizes, strict=True)):
         parameters, own = _parted(question, known)
         alone = bool(own) and not any(owner_of(name) is None for name in known)
+        odds = odds_against(judgement.ranking, found.hypothesis, term.identity)
         effect = NamedEffect(
             family=term.family,
             on=term.on,
@@ -142,7 +144,7 @@ def _effects(
             since_episode=question.episode_name(term.gate.since_episode),
             acts_in=_acts_in(problem, term) if term.gate else None,
             probability=probability,
-            odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
+            odds=odds,
             evidence_gain=0.0,
             explains=0.0,
             recordings=tuple(own) if alone else None,
@@ -152,6 +154,7 @@ def _effects(
         if found is judgement.leader:
             effect = replace(
                 effect,
+                odds=odds if robot else worth.told(odds, i, judgement.p_value, problem.run.settings.verdict),
                 evidence_gain=judgement.gains[i],
                 explains=worth.importance[i].share,
                 importance=_part(worth.importance[i], term),

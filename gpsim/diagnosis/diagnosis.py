@@ -23,7 +23,7 @@ from gpsim.diagnosis.judging import (
 from gpsim.diagnosis.ladder import Climbed, climb
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.setup import PreparedProblem, offers_of, prepare
-from gpsim.effects import Scheme, closed
+from gpsim.effects import closed
 from gpsim.findings import Diagnosis, Score
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -104,7 +104,8 @@ def _answer(
     left = 1.0 - attribution.share.share
     sizes = averaged(question, judgement.leader, judgement.rivals, judgement.probabilities, left)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
-    forms = forms_of(judgement, attribution, climbed.asked, climbed.bent, settings.verdict.nearly_all)
+    asked, bent, unusual = climbed.asked, climbed.bent, climbed.unusual
+    forms = forms_of(judgement, attribution, asked, bent, unusual, settings.verdict)
     doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":
@@ -133,12 +134,6 @@ def _withheld(question: PreparedProblem, judgement: Judgement) -> Judgement:
     )
 
 
-def _scheme(recording: Recording, simulator: Simulator) -> Scheme:
-    if closed(simulator) is not None:  # it has but one way to step
-        return "fine"
-    return recording.integrator  # type: ignore[return-value]  # `prepare` has checked it
-
-
 def _corrected(question: PreparedProblem, judgement: Judgement, dt: float) -> EffectsPlant:
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
@@ -151,7 +146,7 @@ def _corrected(question: PreparedProblem, judgement: Judgement, dt: float) -> Ef
         question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
         tuple(each for term in leader.terms for each in term.apart),
-        leader.scheme if leader.terms else _scheme(question.recording, question.whole),
+        leader.scheme if leader.terms or system else question.recording.integrator,  # type: ignore[arg-type]
         substeps,
         dt,
     )

@@ -54,16 +54,16 @@ def said_share(report: Json) -> float | None:
 
 
 def asserted(effect: Json) -> bool:
-    """Whether an effect is said to hold, with odds above ten.
+    """Whether an effect is said to hold, with odds above ten. A measured curve is no name: it says that none fits.
 
     The odds are its own, against the best that was found without it: what `ambiguous` answers have in common is
     asserted, too. Where nothing else was tried they are those of the whole answer.
     """
-    nats = (effect.get("odds") or {}).get("nats")
+    nats: float | None = (effect.get("odds") or {}).get("nats")
     if nats is None:
         probability = float(effect["probability"] or 0.0)
         nats = math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
-    return effect.get("form") != "approximate" and float(nats) > math.log(WRONG_ODDS)
+    return not effect.get("curve") and effect.get("form") != "approximate" and nats > math.log(WRONG_ODDS)
 
 
 def is_part(effect: Json, names: set[str]) -> bool:

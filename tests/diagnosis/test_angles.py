@@ -30,10 +30,7 @@ def recorded(*factors, shift=0.0, **more):
 def asked(recording, settings=None):
     simulator = make_simulator("pendulum")
     check_angles(
-        recording,
-        simulator,
-        simulator.defaults(recording.parameters),
-        (settings or Settings()).log_facts,
+        recording, simulator, simulator.defaults(recording.parameters), (settings or Settings()).log_facts
     )
 
 
@@ -90,10 +87,7 @@ class Arm:
     start = {"a_dot": 0.0, "b_dot": 0.0}  # noqa: RUF012
 
     def rates(self, state, action, p, forces):
-        return {
-            "a_dot": (action["u"] + forces["a"]) / p["inertia"],
-            "b_dot": forces["b"] / p["inertia"],
-        }
+        return {"a_dot": (action["u"] + forces["a"]) / p["inertia"], "b_dot": forces["b"] / p["inertia"]}
 
 
 def positions(b):

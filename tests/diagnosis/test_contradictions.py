@@ -6,13 +6,7 @@ from dataclasses import replace
 import pytest
 from rich_diagnoses import RICH, friction, named, size, viscous
 
-from gpsim.findings import (
-    Alternative,
-    BlackBox,
-    HeldOutFit,
-    Odds,
-    Share,
-)
+from gpsim.findings import Alternative, BlackBox, HeldOutFit, Odds, Share
 from gpsim.reports.wording import worded
 from gpsim.trials.scoring import contradictions
 

@@ -154,11 +154,7 @@ def test_the_file_is_what_the_schema_and_the_object_say(diagnosed):
 def test_white_noise_gets_no_gaussian_process(diagnosed):
     out, said = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
-    assert report["remainder"]["gp"] == {
-        "used": False,
-        "beside": None,
-        "why_not": "it has no structure",
-    }
+    assert report["remainder"]["gp"] == {"used": False, "beside": None, "why_not": "it has no structure"}
     for row in (report["fit"]["one_step"]["q_acc"], report["fit"]["rollout"]["q"]):
         assert row["after_gp"] == row["after"] != row["gp"]
     assert not list(out.glob("gp.*"))
@@ -296,10 +292,7 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
         ("simulator.integrator=rk4", "beside a RECORDING give --simulator NAME; parameters"),
         ("++simulator.parameters.mass=0.5", "beside a RECORDING give --simulator NAME; parameters"),
         ("recording=elsewhere", "beside a RECORDING give the RECORDING alone"),
-        (
-            "collect.episodes=3",
-            "not used with a RECORDING; valid settings: seed, diagnose.episodes",
-        ),
+        ("collect.episodes=3", "not used with a RECORDING; valid settings: seed, diagnose.episodes"),
         ("~target", "not used with a RECORDING; valid settings"),
     ],
 )

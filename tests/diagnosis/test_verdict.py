@@ -1,16 +1,17 @@
 """The verdict: how much is explained decides, not whether something is left."""
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.judging import Tried, claimed, doubts_of, verdict_of
+from gpsim.diagnosis.judging import Attribution, Tried, claimed, doubts_of, forms_of, verdict_of
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 from gpsim.effects import EffectParameter, Term
-from gpsim.findings import BlackBox, Estimate, Explained, Share
+from gpsim.findings import BlackBox, Estimate, Explained, Odds, Share
 
 GAIN = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
 
@@ -26,10 +27,7 @@ def hypothesis(names, gains=None):
     terms = tuple(
         Term("actuator_gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names
     )
-    declared = (
-        GAIN,
-        EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True),
-    )
+    declared = (GAIN, EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True))
     return Hypothesis(terms=terms, declared=(declared,) * len(terms))
 
 
@@ -45,6 +43,7 @@ def judgement(terms=("a",), rivals=(), structured=True, ranking=()):
     )
 
 
+ALL = attribution(Share(1.0, 1.0, 1.0))
 SIZE = {"gain": Estimate(0.8, 0.78, 0.82, "1")}
 
 
@@ -75,6 +74,25 @@ def verdict(*given, **named):
 )
 def test_the_explained_share_decides(share, form, rivals, right):
     assert verdict(judgement(rivals=rivals), attribution(share), (form,)) == right
+
+
+def test_an_unusual_law_must_follow_what_it_is_named_for():
+    structure, chance, left = judgement(), judgement(structured=False), attribution(Share(0.98, 0.97, 0.99))
+    for judged, worth, form in (
+        (structure, left, "approximate"),
+        (chance, left, "untested"),
+        (structure, ALL, "untested"),
+    ):
+        assert forms_of(judged, worth, (), (), {("actuator_gain", "a")}, Settings().verdict) == (form,)
+    assert forms_of(structure, left, (), (), (), Settings().verdict) == ("untested",)
+
+
+@pytest.mark.parametrize(("share", "p_value", "odds"), [(0.95, 1e-9, 3), (0.999, 1e-9, 50), (0.95, 0.5, 1e6)])
+def test_odds_allow_for_a_law_that_no_catalogue_has(share, p_value, odds):
+    told = Attribution.told(
+        attribution(Share(share)), Odds(math.log(1e6), ()), 0, p_value, Settings().verdict
+    )
+    assert told.nats == pytest.approx(math.log(odds), abs=0.01)
 
 
 def test_the_form_of_a_slight_effect_never_counts():
@@ -170,11 +188,6 @@ def test_one_of_two_gains_may_be_as_it_should():
     assert verdict(judged, NEARLY_ALL, sizes=(sizes,)) == "named"
 
 
-@dataclass(frozen=True)
-class Worth:
-    roles: tuple[str, ...]
-
-
 def test_of_a_force_of_0_and_1100_n_nothing_is_claimed():
     """Only their sum is known: a constant force of 0 +- 1100 N stood beside a bias of 0 +- 600 N."""
     terms = (
@@ -189,7 +202,8 @@ def test_of_a_force_of_0_and_1100_n_nothing_is_claimed():
         {"bias": Estimate(0.2, -600.0, 600.0, "N")},
         {"gain": Estimate(1.1, 0.99, 1.21, "1")},  # vague, but known
     )
-    assert claimed(judged, Worth(("headline",) * 3), sizes) == ("slight", "slight", "headline")
+    worth = attribution(Share(1.0), roles=("headline",) * 3)
+    assert claimed(judged, worth, sizes) == ("slight", "slight", "headline")
 
 
 @pytest.mark.parametrize(("nats", "right"), [(0.0, "ambiguous"), (1.05, "ambiguous"), (1.15, "named")])

@@ -13,6 +13,7 @@ share that goes when an effect goes and the others are fitted anew.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -26,7 +27,7 @@ from gpsim.diagnosis.judging.judges import LOW, TINY, LossEvaluator, Mismatch, r
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.diagnosis.setup import PreparedProblem
 from gpsim.effects import closed
-from gpsim.findings import Explained, JudgedOn, Role, Share
+from gpsim.findings import Explained, JudgedOn, Odds, Role, Share
 
 MOST = 6  # players at most: 64 subsets
 
@@ -128,6 +129,17 @@ class Attribution:
     def share(self) -> Share:
         """What is explained over all channels that count."""
         return self.explained.rollout or Share(0.0)
+
+    def told(self, odds: Odds, index: int, p_value: float, settings: VerdictSettings) -> Odds:
+        """The odds of a term as they may be told where chance, by a p_value, would not leave what the account leaves.
+
+        A law that no catalogue has could then stand in its place: the likelier, the more is left beside what it does.
+        """
+        left, surely = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0)
+        if odds.nats is None or p_value >= settings.chance or min(left, surely) <= 0.0:
+            return odds
+        most = math.log(max(settings.odds, settings.outside * self.importance[index].share / left))
+        return Odds(round(most, 2), ()) if odds.nats > most else odds
 
 
 def explained_by(question: PreparedProblem, leader: Fit, null: Fit) -> Explained:

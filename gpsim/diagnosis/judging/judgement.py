@@ -13,9 +13,6 @@ from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.effects import CURVES, Gate, Moment
 from gpsim.findings import Claims, Odds, RankedHypothesis
 
-FAR_AHEAD = 100.0
-"""By which another account may be ahead, if something else than evidence chose the leader [nats]."""
-
 
 @dataclass(frozen=True)
 class Tried:
@@ -92,7 +89,7 @@ def rivals_among(tried: Sequence[Tried], leader: Hypothesis, settings: VerdictSe
 
 def probabilities_of(rivals: Sequence[Tried]) -> tuple[float, ...]:
     """Of the leader, then of its rivals."""
-    weights = np.array([1.0, *(np.exp(-max(r.behind, -FAR_AHEAD)) for r in rivals)])
+    weights = np.array([1.0, *(np.exp(-r.behind) for r in rivals)])
     return tuple(float(w) for w in weights / weights.sum())
 
 

@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from gpsim.diagnosis.judging.attribution import Attribution
 from gpsim.diagnosis.judging.judgement import Judgement, odds_against
-from gpsim.diagnosis.settings import Known, Settings
+from gpsim.diagnosis.settings import Known, Settings, VerdictSettings
 from gpsim.effects import Measured
 from gpsim.findings import (
     BlackBox,
@@ -84,33 +84,27 @@ def forms_of(
     attribution: Attribution,
     asked: Collection[tuple[str, str]],
     bent: Collection[tuple[str, str]],
-    nearly_all: float,
+    unusual: Collection[tuple[str, str]],
+    settings: VerdictSettings,
 ) -> tuple[Form, ...]:
-    """Whether laws hold: where a curve of their own input was asked for, and takes no more than `nearly_all` leaves.
+    """Whether laws hold: where a curve of their own input was asked for, and none counts at their place.
 
-    What is usual on a machine is told though it is never quite so; what is not must follow what it is named for.
-    asked: place and input of every curve that was; bent: family and place of unusual laws beside which a curve bends.
+    What is usual on a machine is told though it is never quite so; what is not must follow what it is named for: no
+    curve bends beside it (bent), and what is surely left and structured is no more than `follows` of it.
+    asked: place and input of every curve that was; bent, unusual: laws by family and place.
     """
     terms, out = judgement.leader.hypothesis.terms, list[Form]()
-    for term in terms:
-        here = (term.on, term.effect.function_of)
-        beside = [
-            share.share
-            for other, share in zip(terms, attribution.importance, strict=True)
-            if isinstance(other.effect, Measured) and other.on == term.on and term is not other
-        ]
-        tested = here in asked
-        rough = term.identity in bent or (tested and sum(beside) > 1.0 - nearly_all)
+    left, most = 1.0 - _at_most(attribution.share), 1.0 - settings.nearly_all
+    every = list(zip(terms, attribution.importance, attribution.roles, strict=True))
+    curves = [
+        (t.on, s.share > most or r == "headline") for t, s, r in every if isinstance(t.effect, Measured)
+    ]
+    for term, does, _ in every:
+        tested = (term.on, term.effect.function_of) in asked
+        misses = term.identity in unusual and judgement.structured and left > settings.follows * does.share
+        rough = misses or term.identity in bent or (tested and (term.on, True) in curves)
         out.append("approximate" if rough else "holds" if tested else "untested")
     return tuple(out)
-
-
-def curves_hold(judgement: Judgement, attribution: Attribution) -> float:
-    """Which share of the mismatch measured curves account for."""
-    terms = judgement.leader.hypothesis.terms
-    return sum(
-        s.share for t, s in zip(terms, attribution.importance, strict=True) if isinstance(t.effect, Measured)
-    )
 
 
 def verdict_of(
@@ -127,10 +121,9 @@ def verdict_of(
         return "unknown" if something else "none"
     if misses(judgement, attribution, numbers.half):
         return "unknown"
-    if (
-        any(doubt != "odds" for doubt in doubts)
-        or curves_hold(judgement, attribution) > 1.0 - numbers.nearly_all
-    ):
+    both = zip(judgement.leader.hypothesis.terms, attribution.importance, strict=True)
+    curves = sum(share.share for term, share in both if isinstance(term.effect, Measured))
+    if any(doubt != "odds" for doubt in doubts) or curves > 1.0 - numbers.nearly_all:
         return "partial"
     return "ambiguous" if doubts or _contested(judgement, attribution, numbers.odds) else "named"
 
@@ -139,20 +132,16 @@ def _contested(judgement: Judgement, attribution: Attribution, odds: float) -> b
     """Whether a rival within the odds lacks one of the headline effects."""
     leader = judgement.leader.hypothesis
     headlines = {
-        on
+        (t.family, on)
         for t, role in zip(leader.terms, attribution.roles, strict=True)
         if role == "headline"
-        for on in _places(t)
+        for on in t.places
     }
     own, *others = judgement.probabilities
     return any(
         headlines - rival.hypothesis.claims and p * odds > own
         for rival, p in zip(judgement.rivals, others, strict=True)
     )
-
-
-def _places(term: object) -> set[tuple[str, str]]:
-    return {(term.family, on) for on in term.places}  # type: ignore[attr-defined]
 
 
 def misses(judgement: Judgement, attribution: Attribution, enough: float) -> bool:

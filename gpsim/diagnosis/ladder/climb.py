@@ -27,7 +27,7 @@ from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import FINISH, Search
 from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import PreparedProblem
-from gpsim.effects import EffectParameter, Measured, Term, closed
+from gpsim.effects import Measured, closed
 from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
@@ -42,7 +42,7 @@ class Climbed:
     """What a climb found.
 
     question: as it was asked in the end; curves: of the account; asked: place and input of every curve that was tried;
-    bent: unusual laws that do not follow what they are named for, by family and place.
+    unusual: laws that are, by family and place, and bent: those of them beside which a curve bends.
     """
 
     question: PreparedProblem
@@ -50,6 +50,7 @@ class Climbed:
     curves: Mapping[tuple[str, str, str], MeasuredCurve]
     asked: frozenset[tuple[str, str]]
     bent: frozenset[tuple[str, str]]
+    unusual: frozenset[tuple[str, str]]
 
 
 def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Climbed:
@@ -91,9 +92,11 @@ def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Cli
     asked = (
         frozenset(one.of for one in inputs(simulator, offers)) if run.settings.curves.most else frozenset()
     )
-    unusual = [law.candidate for law in laws.laws if not law.usual]
-    bent = frozenset(c.identity for c in unusual if c.place.on in bends)
-    return Climbed(*_finished(question, search, laws), curves, asked, bent)
+    bent = frozenset(law.key[:2] for law in laws.laws if not law.usual and law.candidate.place.on in bends)
+    # What a robot's usual laws leave hides whether another one follows.
+    least = search.numbers.unusual
+    unusual = frozenset(law.key[:2] for law in laws.laws if law.price >= least and not search.dear)
+    return Climbed(*_finished(question, search, laws), curves, asked, bent, unusual)
 
 
 def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
@@ -147,7 +150,8 @@ def _finished(question: PreparedProblem, search: Search, laws: Account) -> tuple
     hypothesis = trimmed(told(laws), everything)
     begun = None if search.dear else search.account.fit.starts  # all windows were fitted already
     leader = fit(everything, hypothesis, begun, FINISH_OF_A_ROBOT if search.dear else FINISH)
-    for term, declared in _curves_of(search.account, laws):
+    whole, known = search.account.hypothesis, len(laws.laws)
+    for term, declared in zip(whole.terms[known:], whole.declared[known:], strict=True):
         alone = leader.hypothesis.frozen().plus(term, declared)
         leader = beside(leader, fit(everything, alone, leader.starts, WITHOUT, leader.noise), declared)
     hypothesis = leader.hypothesis
@@ -174,12 +178,6 @@ def _finished(question: PreparedProblem, search: Search, laws: Account) -> tuple
         p_value < least and left > 0.0,
     )
     return question, judgement
-
-
-def _curves_of(whole: Account, laws: Account) -> list[tuple[Term, tuple[EffectParameter, ...]]]:
-    """Terms and parameters of an account's curves."""
-    both = zip(whole.hypothesis.terms, whole.hypothesis.declared, strict=True)
-    return list(both)[len(laws.laws) :]
 
 
 def _without(problem: Problem, leader: Fit) -> tuple[Fit, ...]:

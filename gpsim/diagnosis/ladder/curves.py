@@ -109,7 +109,8 @@ def curved(
         gain = search.account.fit.cost - account.fit.cost
         if gain < max(settings.takes * left, _price(search, freedom)):
             return found, bent
-        search.say("a measured curve", True, f"{one.quantity} of {search.channel(one.column)}", gain=gain)
+        names = [*problem.simulator.state.names, *problem.simulator.action.names]
+        search.say("a measured curve", True, f"{one.quantity} of {names[one.column]}", gain=gain)
         search.account = account
         found[one.family, one.on, one.variant] = _told(problem, one, account.hypothesis.terms[-1], band)
         every = [e for e in every if e is not one]

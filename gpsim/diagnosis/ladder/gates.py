@@ -132,17 +132,17 @@ def _changes(
             yield Gate(since_episode=int(e)), np.where((windows.episode >= e)[:, None], whole, 0.0)
     for since in np.quantile(windows.t[:, 0], np.linspace(EARLIEST, LATEST, MOMENTS)):
         yield Gate(since=float(since)), np.where((windows.t[:, 0] >= since)[:, None], whole, 0.0)
-    on = law.candidate.place.on
-    if effect_of(law.candidate.family).site != "force" or on not in names:
-        return
-    visited = windows.measured[windows.valid][:, names.index(on)]
-    edges = np.unique(np.quantile(visited, np.linspace(0.0, 1.0, PLACES + 1)))
-    edges[0], edges[-1] = -BEYOND, BEYOND
-    parts = [behind(Gate(region={on: (float(low), float(high))})) for low, high in pairwise(edges)]
-    sums = np.cumsum([np.zeros_like(before), *parts], axis=0)
-    for i, j in combinations(range(len(edges)), 2):
-        if j - i < len(parts):
-            yield Gate(region={on: (float(edges[i]), float(edges[j]))}), sums[j] - sums[i]
+    site, coordinates = effect_of(law.candidate.family).site, search.shooting.problem.simulator.coordinates
+    driven = [c.name for c in coordinates if site == "actuator" and law.has_slope and law.parameters == 1]
+    for on in driven or [n for n in names if site == "force" and n == law.candidate.place.on]:
+        visited = windows.measured[windows.valid][:, names.index(on)]
+        edges = np.unique(np.quantile(visited, np.linspace(0.0, 1.0, PLACES + 1)))
+        edges[0], edges[-1] = -BEYOND, BEYOND
+        parts = [behind(Gate(region={on: (float(low), float(high))})) for low, high in pairwise(edges)]
+        sums = np.cumsum([np.zeros_like(before), *parts], axis=0)
+        for i, j in combinations(range(len(edges)), 2):
+            if j - i < len(parts):
+                yield Gate(region={on: (float(edges[i]), float(edges[j]))}), sums[j] - sums[i]
 
 
 def _white(search: Search, hypothesis: Hypothesis) -> FloatArray:

@@ -341,11 +341,6 @@ class Search:
         least = min(self.numbers.material * missing, self.numbers.nearly_all * left)
         return max(1.0, self.numbers.share_of_unusual * left, least)
 
-    def channel(self, column: int) -> str:
-        """The name of a column of state and action."""
-        simulator = self.shooting.problem.simulator
-        return [*simulator.state.names, *simulator.action.names][column]
-
     def missing(self) -> float:
         """Nats of the base's misfit under the noise as it is now."""
         return float(self.shooting.costs(self.base.residuals).sum())
