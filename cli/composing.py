@@ -60,8 +60,8 @@ def _one_line(text: str, words: Sequence[str]) -> str:
     said, culprit = " ".join(text.split()), _culprit(words)
     if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
         return (
-            f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
-            f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
+            f"{culprit}: Hydra cannot read this value; close a list by ], and quote text in it that holds ( or =, as "
+            "\"gp.inputs=[x,'sign(x)']\""
         )
     return said if culprit is None or culprit in said else f"{culprit}: {said}"
 

@@ -68,7 +68,7 @@ def test_ones_own_choice_wins_over_the_shipped_one_of_that_name(tmp_path):
     assert resolve(["gp=raw"], folder)["gp"] == resolve(["gp=raw"], None)["gp"]
     assert resolve([], None)["gp"]["n_train"] == 250
     (folder / "config.yaml").write_text("seed: 1\n")
-    with pytest.raises(UsageError, match=r"its config\.yaml would replace all settings of gpsim"):
+    with pytest.raises(UsageError, match=r"its config\.yaml would replace all settings"):
         resolve([], folder)
 
 

@@ -78,7 +78,7 @@ def effect_sentence(effect: NamedEffect) -> str:
         said = ""
     if not said:
         told = ", ".join(f"{name} {number}" for name, number in numbers.items())
-        said = f"{noun(effect.family)} on {effect.place} ({told}) was left out"
+        said = f"{noun(effect.family)} on {effect.place} ({told}) is missing"
     return said + ("" if effect.recordings is None else f" in {', '.join(effect.recordings)}")
 
 

@@ -61,7 +61,7 @@ class Payload(ModelEffect):
 
     family = "payload"
     acts_on = "a body"
-    sentence = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out"
+    sentence = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, is missing"
     function_of = "nothing"
     plausible = {
         "mass": Plausible(
@@ -93,7 +93,7 @@ class Armature(ModelEffect):
 
     family = "armature"
     acts_on = "a joint"
-    sentence = "rotor inertia of {inertia} on {on} was left out"
+    sentence = "rotor inertia of {inertia} on {on} is missing"
     function_of = "nothing"
     noun = "rotor inertia"
     plausible = {
