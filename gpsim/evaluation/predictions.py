@@ -83,8 +83,8 @@ def coverage_warnings(outside: Mapping[str, float | None]) -> list[str]:
     """What to say where the deployed policy goes where nothing was recorded; `outside`: driver to `outside_range`."""
     share = outside.get("deployed") or 0.0
     said = (
-        f"{100.0 * share:.0f} % of what the GP policy visits on the target lies outside the range of the recording; the "
-        "GP extrapolates there: record more (collect.episodes, collect.policy=dithered)"
+        f"{100.0 * share:.0f} % of what the GP policy visits on the target lies outside the range of the recording; "
+        "the GP extrapolates there: record more (collect.episodes, collect.policy=dithered)"
     )
     return [said] if share > MUCH_OUTSIDE else []
 
