@@ -141,7 +141,7 @@ def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
     if "spurious_families" in block:
         found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
         columns = ("", next(iter(group["columns"])))
-        yield sheet(f"{title}: told and not there", columns, ((n, str(count)) for n, count in found))
+        yield sheet(f"{title}: claimed and not there", columns, ((n, str(count)) for n, count in found))
 
 
 def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
