@@ -1,8 +1,9 @@
 """Whether the words of the project are plain: `python docs/plain_words.py` lists what is not, file and line.
 
 It reads README.md, the pages of docs/ that are written by hand, the help of the commands (docs/reference/cli.md), and
-the sentences that reports and commands print. Terms of the method have to be in the glossary. A rule is a pattern and what to say instead. A sentence of a page has at
-most LONGEST words. Records of measurements (docs/method/proofs.md) stay as they were written.
+the sentences that reports and commands print. A rule is a pattern and what to say instead. A sentence of a page has at
+most LONGEST words. Terms of the method have to be in the glossary. Records of measurements (docs/method/proofs.md) stay
+as they were written.
 """
 
 from __future__ import annotations
