@@ -282,9 +282,9 @@ def plan_sheet(content: Json) -> Sheet:
     ]  # fmt: skip
     if rows:
         note = (
-            f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations "
-            f"of {plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations "
-            "fitted to both, the right one ahead by odds above ten"
+            f"A slow recording left {plans['open']} of {plans['drawn']} worlds undecided. In {plans['listed']} of "
+            f"these, the truth was among the explanations. A second recording decided {plans['n']}: fitted to both "
+            "recordings, the right explanation then led by odds above ten."
         )
     columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
     return sheet("The next recording", columns, rows, note=note)

@@ -17,7 +17,7 @@ STEEPEST = 1.5  # rad
 class ParameterOffset(ParameterEffect):
     """A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
 
-    Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believed + offset.
+    Definition: a ratio; for a parameter that may be 0, such as a position, an `offset`: p = p_believed + offset.
     """
 
     family = "parameter_offset"
@@ -44,7 +44,7 @@ class ParameterOffset(ParameterEffect):
     laws = {"offset": "shifted"}
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Ratio [1]; of what may be 0, as a place may, the offset [its own]."""
+        """Ratio [1]; for a parameter that may be 0, such as a position, the offset [its own]."""
         if place.additive:
             span, (low, high) = place.span, place.bounds
             return (EffectParameter("offset", place.unit, low, high, (0.1 * span,), 0.1 * span),)

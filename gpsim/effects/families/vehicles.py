@@ -106,7 +106,10 @@ class SteeringBias(VehicleEffect):
     order = 30
     plausible = {
         "curvature": Plausible(
-            0.0, 2.0, "1", "by reason: small robots turn with at most 2/m (a Limo: 0.46 m)"
+            0.0,
+            2.0,
+            "1",
+            "by reasoning: the curvature of small robots is at most 2/m (a Limo's radius: 0.46 m)",
         )
     }
 
@@ -134,7 +137,7 @@ class CorneringDrag(VehicleEffect):
     order = 30
     changes = "v"
     plausible = {
-        "drag": Plausible(0.0, 1.0, "1", "by reason: model cars lose half of their speed at 1 m/s^2")
+        "drag": Plausible(0.0, 1.0, "1", "by reasoning: model cars lose half of their speed at 1 m/s^2")
     }
 
     @staticmethod
