@@ -63,7 +63,7 @@ class ActuatorBias(ActuatorEffect):
     function_of = "command"
     needs = "nothing"
     order = 70
-    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reasoning: an offset is smaller than the commands")}
+    plausible = {"bias": Plausible(0.0, 1.0, "size", "estimate: an offset is smaller than the commands")}
 
     @staticmethod
     def law(u: Each, bias: Each) -> Each:
@@ -130,7 +130,7 @@ class ActuatorSaturation(ActuatorEffect):
     function_of = "command"
     order = 30
     plausible = {
-        "limit": Plausible(0.1, np.inf, "size", "by reasoning: commands do not exceed ten times the limit")
+        "limit": Plausible(0.1, np.inf, "size", "estimate: commands do not exceed ten times the limit")
     }
 
     @staticmethod
@@ -187,7 +187,7 @@ class BatterySag(ActuatorEffect):
     drifts = True
     plausible = {
         "loss_per_second": Plausible(
-            0.0, 1.0, "1 / reach", "by reasoning: the battery is empty at the end of the recording"
+            0.0, 1.0, "1 / reach", "estimate: the battery is empty at the end of the recording"
         )
     }
 
@@ -389,7 +389,7 @@ class TorqueSpeedLimit(DriveEffect):
     plausible = {
         "stall": Plausible(0.1, np.inf, "size", "as a saturation"),
         "no_load_speed": Plausible(
-            0.5, np.inf, "speed", "by reasoning: a motor is never driven at twice its no-load speed"
+            0.5, np.inf, "speed", "estimate: a motor is never driven at twice its no-load speed"
         ),
     }
 

@@ -85,7 +85,7 @@ class Spring(ForceEffect):
             0.0,
             10.0,
             "size / reach",
-            "by reasoning: a much stiffer spring would prevent any motion",
+            "estimate: a much stiffer spring would prevent any motion",
         )
     }
 
@@ -145,7 +145,7 @@ class ConstantForce(ForceEffect):
     function_of = "position"
     plausible = {
         "force": Plausible(
-            0.0, 3.0, "size", "by reasoning: a force larger than that of the drive would carry the body away"
+            0.0, 3.0, "size", "estimate: a force larger than that of the drive would carry the body away"
         )
     }
 
@@ -171,9 +171,7 @@ class CoggingForce(ForceEffect):
     noun = "cogging"
     sentence = "a cogging force of {amplitude} on {on} with a period of {period} is missing"
     plausible = {
-        "amplitude": Plausible(
-            0.0, 3.0, "size", "by reasoning: a larger force would hold the body in one tooth"
-        )
+        "amplitude": Plausible(0.0, 3.0, "size", "estimate: a larger force would hold the body in one tooth")
     }
 
     @staticmethod

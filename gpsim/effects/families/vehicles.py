@@ -106,10 +106,7 @@ class SteeringBias(VehicleEffect):
     order = 30
     plausible = {
         "curvature": Plausible(
-            0.0,
-            2.0,
-            "1",
-            "by reasoning: the curvature of small robots is at most 2/m (a Limo's radius: 0.46 m)",
+            0.0, 2.0, "1", "estimate: small robots have curvatures up to 2/m (a Limo: 1/0.46 m)"
         )
     }
 
@@ -136,9 +133,7 @@ class CorneringDrag(VehicleEffect):
     function_of = "twist"
     order = 30
     changes = "v"
-    plausible = {
-        "drag": Plausible(0.0, 1.0, "1", "by reasoning: model cars lose half of their speed at 1 m/s^2")
-    }
+    plausible = {"drag": Plausible(0.0, 1.0, "1", "estimate: model cars lose half of their speed at 1 m/s^2")}
 
     @staticmethod
     def law(v: Each, lateral: Each, w: Each, drag: Each) -> Twist:
