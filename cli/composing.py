@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from hydra import compose, initialize_config_module
@@ -120,9 +121,8 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             if where == "diagnose" and not meant and (old := nearest(part, GONE)):
                 return f"no setting '{key}'; {gone(old)}"
             hint = f" (did you mean {'.'.join([*parts[:depth], meant])}?)" if meant else ""
-            there = (
-                f"{where} has: {', '.join(known) or 'none'}" if where else "--show-config lists all settings"
-            )
+            there = shorten(", ".join(known) or "none", 90 if meant else 900, placeholder=" ...")
+            there = f"{where} has: {there}" if where else "--show-config lists all settings"
             return f"no setting '{key}'{hint}; {there}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"
