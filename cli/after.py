@@ -134,7 +134,7 @@ def deploy_command(
     """Test the monitor of a safe deployment on recorded drives: when it stops them, and why.
 
     It predicts each step with the simulator of correction=, and stops when the errors are unusual or a state leaves
-    deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
+    deploy.limits. Nothing is written. Try it on the simulated target with: gpsim evaluate deploy.safe=true
     """
     request = setup.request()
     if not replay:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from hydra import compose, initialize_config_module
@@ -60,8 +61,8 @@ def _one_line(text: str, words: Sequence[str]) -> str:
     said, culprit = " ".join(text.split()), _culprit(words)
     if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
         return (
-            f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
-            f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
+            f"{culprit}: Hydra cannot read this value; close a list by ], and quote text in it that holds ( or =, as "
+            "\"gp.inputs=[x,'sign(x)']\""
         )
     return said if culprit is None or culprit in said else f"{culprit}: {said}"
 
@@ -120,9 +121,8 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
             if where == "diagnose" and not meant and (old := nearest(part, GONE)):
                 return f"no setting '{key}'; {gone(old)}"
             hint = f" (did you mean {'.'.join([*parts[:depth], meant])}?)" if meant else ""
-            there = (
-                f"{where} has: {', '.join(known) or 'none'}" if where else "--show-config lists all settings"
-            )
+            there = shorten(", ".join(known) or "none", 90 if meant else 900, placeholder=" ...")
+            there = f"{where} has: {there}" if where else "--show-config lists all settings"
             return f"no setting '{key}'{hint}; {there}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

@@ -51,8 +51,8 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
             raise UsageError(f"--config-dir {config_dir}: no such folder")
         if (config_dir / "config.yaml").exists():
             raise UsageError(
-                f"--config-dir {config_dir}: its config.yaml would replace all settings of gpsim; put your choices "
-                "into folders, as gp/mine.yaml, and give other settings on the command line"
+                f"--config-dir {config_dir}: its config.yaml would replace all settings; remove it, put choices into "
+                "folders, as gp/mine.yaml, and give other settings as KEY=VALUE"
             )
         for pattern in ("*/*.yaml", "*/*/*.yaml"):
             for choice in config_dir.glob(pattern):

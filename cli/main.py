@@ -125,13 +125,12 @@ def main() -> None:
     try:
         with ends_when_asked(), trusting(False):  # --trust ends with its command
             _called()
-    except (
-        Terminated,
-        KeyboardInterrupt,
-    ) as ended:  # outside of the commands: Typer makes an exit code of Ctrl-C
+    except (Terminated, KeyboardInterrupt) as ended:  # within a command Typer makes an exit code of Ctrl-C
         _say_interrupted()
         _end(CODE if isinstance(ended, Terminated) else INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
+        for line in error.table:
+            answers.warned(printable(line))
         print(*map(printable, error.table), f"error: {printable(error)}", sep="\n", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
     except BrokenPipeError:

@@ -173,7 +173,7 @@ def disk_errors(place: Path, option: str = "runs_dir or --out") -> Iterator[None
     except OSError as error:
         if error.errno in FULL or tells_of_full_disk(str(error)):  # copying a tree tells what it met as texts
             raise UsageError(
-                f"{place}: {NO_SPACE}; finished artifacts are whole, free space and run again"
+                f"{place}: {NO_SPACE}; finished artifacts are complete; free space and run again"
             ) from error
         if error.errno in REFUSED:
             raise UsageError(

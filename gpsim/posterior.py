@@ -79,8 +79,8 @@ class Explanation:
         ):
             if not np.isfinite([low, high]).all():
                 raise UsageError(
-                    f"the posterior is singular, the recording does not determine {p.name} of {term.family} on "
-                    f"{term.on}; make the recording in the account's Next, or remove robustness=posterior"
+                    f"the recording does not determine {p.name} of {term.family} on {term.on}; make the recording of "
+                    "the account's Next, or remove robustness=posterior"
                 )
             sizes.append(Size(i, p.name, term.values[p.name], low, high, p.low, p.high))
         scale = np.sqrt(np.maximum(np.diag(self.covariance), LEAST_VARIANCE))

@@ -107,9 +107,8 @@ def _check(digest: str, reference: str, what: str, kept: str, option: str = "--s
     elif digest not in known:
         named = reference.removesuffix(":")  # a file without a class in it
         raise UsageError(
-            f"{named}: not run: {what} would run with your rights, and only data (a recording, a mapping or a "
-            "diagnosis) name its present version; read it, then allow it with --trust (in Python trust=True), or by "
-            f"naming it where a command takes {option} {named}{why}"
+            f"{named}: not run: {what} would run with your rights, and only data name this version; read it, then "
+            f"allow it: --trust (in Python trust=True), or {option} {named}{why}"
         )
     allowed.add(digest)
 

@@ -68,7 +68,7 @@ def test_ones_own_choice_wins_over_the_shipped_one_of_that_name(tmp_path):
     assert resolve(["gp=raw"], folder)["gp"] == resolve(["gp=raw"], None)["gp"]
     assert resolve([], None)["gp"]["n_train"] == 250
     (folder / "config.yaml").write_text("seed: 1\n")
-    with pytest.raises(UsageError, match=r"its config\.yaml would replace all settings of gpsim"):
+    with pytest.raises(UsageError, match=r"its config\.yaml would replace all settings"):
         resolve([], folder)
 
 
@@ -105,7 +105,7 @@ def test_a_setting_that_was_taken_away_is_named_where_it_is_read():
         (["gp.n_train"], "'gp.n_train' is not a setting: write key=value"),
         (["seed.x=3"], "no setting 'seed.x'; seed is a value"),
         # Beside the user's own choices, not the plain default's.
-        (["experiment=limo", "collect.holdd=3"], r"did you mean collect.hold\?.*collect has: .*speeds"),
+        (["experiment=limo", "collect.holdd=3"], r"did you mean collect.hold\?.*collect has: "),
         (
             ["experiment=limo", "policy.n_epochs=3"],
             "no setting 'policy.n_epochs'; policy has: .*gradient_steps",

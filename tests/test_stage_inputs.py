@@ -148,7 +148,7 @@ def test_the_noise_floor_is_a_setting_that_decides_the_fit_and_keeps_old_artifac
     assert report is not None
     assert report.hyper_parameters.noise_std >= 0.05
     # What a fit in trouble advises can be typed.
-    advised = re.search(r"\((gp\.\w+)\)", FitOutcome.LINE_SEARCH_FAILED.advice)
+    advised = re.search(r"(gp\.\w+)", FitOutcome.LINE_SEARCH_FAILED.advice)
     assert advised is not None
     request(f"{advised[1]}=0.01")
 
@@ -180,7 +180,7 @@ def test_evaluate_warns_where_the_recording_covers_too_little(tmp_path: Path):
         (tmp_path / "evaluation.json").write_text(json.dumps(content))
         assert len(evaluate.notes(made)) == lines
     (tmp_path / "evaluation.json").write_text('{"outside_recording": {"deployed": 0.5}}')
-    assert evaluate.notes(made)[0].startswith("warning: 50 % of what the deployed GP policy visits")
+    assert evaluate.notes(made)[0].startswith("warning: 50 % of what the GP policy visits")
 
 
 def test_the_page_does_not_know_where_its_artifacts_lie():
@@ -219,7 +219,7 @@ def test_a_sweep_is_logged_where_its_mapping_will_look():
     plain = resolve(["experiment=limo"], None)
     for changes in ([], moved):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": changes}}))
-    with pytest.raises(UsageError, match=r"the mapping needs x \(topic /robot/pose\), y \(topic /vrpn"):
+    with pytest.raises(UsageError, match=r"limo_optitrack needs x \(topic /robot/pose\), y \(topic /vrpn"):
         collect.check(Request({**plain, "collect": {**plain["collect"], "changes": moved[:1]}}))
 
 

@@ -698,7 +698,7 @@ TANKS_CASE = Case(
 GROUNDS = (
     Ground(
         "emps", "EMPS, a motor-driven slide",
-        "DATA_EMPS.mat trains, DATA_EMPS_PULSES.mat tests: in one simulation, whose first 20 samples do not count",
+        "Training: DATA_EMPS.mat. Test: DATA_EMPS_PULSES.mat, in one simulation, without its first 20 samples",
         "RMSE", ("RMSE",),
         (
             *peers_of(emps, EMPS_CASE),
@@ -712,8 +712,7 @@ GROUNDS = (
     ),
     Ground(
         "tanks", "Cascaded tanks",
-        "the estimation record trains, the validation record tests: in one simulation, "
-        "whose first 50 samples do not count",
+        "Training: the estimation record. Test: the validation record, in one simulation, without its first 50 samples",
         "RMSE", ("RMSE",), (
             *peers_of(tanks, TANKS_CASE),
             Peer(

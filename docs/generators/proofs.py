@@ -83,7 +83,7 @@ def _reached(key: str, got: float, count: str) -> str:
         return f"{significant(100 * got, 1)} %"
     if key.startswith("seconds"):
         return f"{fixed(got)} s"
-    if key == "rough.spurious":
+    if key.endswith(".spurious"):
         return fixed(got, 2)
     return f"{fixed(100 * got)} % ({count})"
 

@@ -403,8 +403,8 @@ def _parameter(name: str, said: Any, none: float, reference: str) -> EffectParam
     limit = math.isinf(none)
     if not limit and not low <= none <= high:
         raise UsageError(
-            f"{reference}: parameters['{name}'] has no effect at {none:g}, which is not between {low:g} and {high:g}: "
-            "widen its bounds, or set the value without effect in 'nothing' (inf for a limit)"
+            f"{reference}: parameters['{name}'] has no effect at {none:g}, which is outside {low:g} to {high:g}; "
+            "widen its bounds, or give that value in 'nothing' (inf for a limit)"
         )
     scale = max(abs(starts[0] - (0.0 if limit else none)), STEPS * (high - low))
     return EffectParameter(name, unit, low, high, starts, scale, 0.0 if limit else none, falls=limit)

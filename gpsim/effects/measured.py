@@ -165,7 +165,7 @@ def _shaped(kind: type[Measured], variant: str, values: tuple[tuple[str, float],
 
 @dataclass(frozen=True)
 class ForceCurve(Measured, ForceEffect):
-    """A measured force on a coordinate, of its speed or its position; or friction of its speed, which holds at rest."""
+    """A measured force of a coordinate's speed or position; or friction of its speed, which also holds it at rest."""
 
     family: ClassVar[str] = "force_curve"
     noun: ClassVar[str] = "measured force"

@@ -81,14 +81,12 @@ def outside_range(visited: FloatArray, training: FloatArray) -> float:
 
 def coverage_warnings(outside: Mapping[str, float | None]) -> list[str]:
     """What to say where the deployed policy goes where nothing was recorded; `outside`: driver to `outside_range`."""
-    share = outside.get("deployed")
-    if share is None or not share > MUCH_OUTSIDE:
-        return []
-    return [
-        f"{100.0 * share:.0f} % of what the deployed GP policy visits on the target lies outside the range of the "
-        "recording, where the Gaussian processes only extrapolate: record more of it (collect.episodes, "
-        "collect.policy=dithered)"
-    ]
+    share = outside.get("deployed") or 0.0
+    said = (
+        f"{100.0 * share:.0f} % of what the GP policy visits on the target lies outside the range of the recording; "
+        "the GP extrapolates there: record more (collect.episodes, collect.policy=dithered)"
+    )
+    return [said] if share > MUCH_OUTSIDE else []
 
 
 def roll_out(

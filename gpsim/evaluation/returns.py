@@ -62,12 +62,14 @@ def play(
     running = Episodes(plant, task, len(start.states), rng)
     observations, alive = running.begin(start), np.ones(len(start.states), dtype=np.bool_)
     for _ in range(task.max_steps):
-        rewards, terminated, _ = running.step(act(observations))
+        with np.errstate(over="ignore", invalid="ignore"):  # what has ended moves on, however far
+            rewards, terminated, _ = running.step(act(observations))
         yield running, alive, np.where(alive, rewards, 0.0)
         alive = alive & ~terminated
         if not alive.any():
             return
-        observations = running.observe()
+        with np.errstate(over="ignore"):
+            observations = running.observe()
 
 
 def episode_returns(plant: Plant, task: Task, act: Act, start: Start, rng: np.random.Generator) -> FloatArray:

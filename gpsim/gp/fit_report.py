@@ -17,12 +17,12 @@ class FitOutcome(enum.Enum):
     LIKELIHOOD_SETTLED = "The likelihood stopped improving: the fit converged."
     GRADIENT_VANISHED = "The likelihood's gradient vanished: the fit converged."
     ITERATION_LIMIT = (
-        "The iteration limit was reached while the likelihood still improved: raise max_iterations, "
-        "or raise minimum_improvement if the remaining gain does not matter."
+        "The fit still improved at its last iteration: raise max_iterations, or raise minimum_improvement "
+        "if the rest does not matter."
     )
     LINE_SEARCH_FAILED = (
-        "The line search found no better point before the likelihood settled: look for hyper-parameters "
-        "at their bounds, and raise the noise floor (gp.noise_floor) if K is ill-conditioned."
+        "The line search found no better point: look for hyper-parameters at their bounds, and raise "
+        "gp.noise_floor if K is ill-conditioned."
     )
 
     @property
@@ -59,10 +59,7 @@ _ADVICE: dict[tuple[str, str], str] = {
     ("linear_stds", "upper"): "the prior hardly limits the slope along this input.",
     ("bias_std", "lower"): "the bias is switched off (the targets are centred already).",
     ("bias_std", "upper"): "the prior hardly limits the offset.",
-    ("noise_std", "lower"): (
-        "this is the noise floor: the data look noise-free to the GP, so the noise is set by its bound and is not "
-        "an estimate, and samples scatter almost only by the latent variance."
-    ),
+    ("noise_std", "lower"): "the data look free of noise; this noise floor is no estimate.",
     ("noise_std", "upper"): "all of the targets count as noise: the inputs explain nothing.",
 }
 _HARMLESS = {

@@ -68,7 +68,7 @@ def check_keys(address: str) -> None:
     """Raise UsageError where a scheduler asks for a certificate and Dask's configuration names none."""
     if address.startswith("tls://") and not _configured():
         raise UsageError(
-            f"launcher.address={address}: a tls:// scheduler needs a certificate: name it in Dask's configuration, as "
+            f"launcher.address={address} needs a certificate; name it in Dask's configuration, as "
             "distributed.comm.tls.ca-file, .client.cert and .client.key"
         )
 

@@ -169,13 +169,12 @@ def _check_rest(search: Search) -> None:
     rest, end = limits.rest[worst], ends[np.argmax(off[:, worst]), worst]
     if search.around is not None:
         raise UsageError(
-            f"--policy: under some explanation it leaves the box or does not return to rest, {names[worst]} ends "
-            f"{off[:, worst].max():.3g} away; widen plan.box, lengthen plan.settle, or allow more (plan.returns)"
+            f"--policy: it may leave the box or not return to rest: {names[worst]} ends {off[:, worst].max():.3g} "
+            "away; widen plan.box, or raise plan.settle or plan.returns"
         )
     raise UsageError(
-        f"plan.rest: without commands, the machine does not stay at rest: {names[worst]} goes from {rest:.3g} to "
-        f"{end:.3g}; set plan.rest and plan.rest_commands, widen plan.box, or reset the machine by hand before each "
-        "piece: --anew, with a short plan.piece"
+        f"plan.rest: without commands, {names[worst]} goes from {rest:.3g} to {end:.3g}; set plan.rest and "
+        "plan.rest_commands, or widen plan.box, or reset by hand before each piece (--anew)"
     )
 
 
@@ -195,8 +194,8 @@ def _pieces(
         played += tried.commands.shape[1]
     if not chosen:
         raise UsageError(
-            "no commands were found that keep the states in the box, with its margin, under every explanation; widen "
-            "plan.box, shorten plan.piece, lengthen plan.settle, or reset the machine by hand: --anew"
+            "no commands keep the states in the box under every explanation; widen plan.box, lower plan.piece, raise "
+            "plan.settle, or reset by hand before each piece (--anew)"
         )
     return chosen, at
 

@@ -43,9 +43,8 @@ def assemble(source: str, tracks: Mapping[str, Track], mapping: Bound) -> Assemb
     if mapping.rate is not None and seconds * mapping.rate > MOST_SAMPLES:
         # Before anything is allocated: a rate that no computer could hold is a slip of the pen, or of the clock's unit.
         raise UsageError(
-            f"{source}: rate {mapping.rate:g} Hz over {seconds:.6g} s would make {seconds * mapping.rate:.3g} "
-            f"samples, the limit is {MOST_SAMPLES:.0e}; choose a lower rate, or check that the time column is in "
-            "seconds (time.scale=1e-3 takes it as milliseconds)"
+            f"{source}: rate {mapping.rate:g} Hz over {seconds:.6g} s makes over {MOST_SAMPLES:.0e} samples; lower "
+            "the rate, or correct the unit of time (time.scale=1e-3 for milliseconds)"
         )
     reference = tracks[mapping.measured[0].track]
     built = [_episode(piece, reference, tracks, mapping, margin) for piece in pieces]

@@ -763,14 +763,14 @@ def proposal(topics: Sequence[Topic], found: Guess) -> tuple[str, dict[str, str]
         raw["action"] = raw["action"] | {name: {**at, "field": "?", "unit": units[name]} for name in lost}
         asked += [f"{name} may be {listed(found.missing[name][:_FEW])}" for name in lost]
         asked += [
-            f"{name} is taken from {found.taken[name]}, of {listed(names[:_FEW])}"
+            f"{name} may be {listed([found.taken[name], *(n for n in names if n != found.taken[name])][:_FEW])}"
             for name, names in found.unclear.items()
         ]
-        asked += [f"units of {', '.join(units)} are taken to be {', '.join(units.values())}"] if units else []
+        asked += [f"{name} is in {unit}, unless you change it" for name, unit in units.items()]
     if TIME in found.missing:
         raw["time"] = {"field": "?"}
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
-    head = "fill in every '?'" if "'?'" in text else "see whether it is so" if found.unclear else "complete"
+    head = "fill in every '?'" if "'?'" in text else "check it" if found.unclear else "complete"
     lines = "".join(f"# {line}\n" for line in (f"proposed mapping: {head}", *asked))
     return f"{lines}{text}", _roles(raw)
 

@@ -242,9 +242,8 @@ def _unit_hint(parts: Sequence[Part]) -> str:
             if unit is not None:
                 scale = f"{guessing.UNITS[unit]:.0e}"
                 return (
-                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; write "
-                    f"time: {{field: {time.field}, scale: {scale}}} in the mapping, or time.scale={scale} behind the "
-                    f"command; if it is in seconds, set gap_limit > {step:g}"
+                    f"the time column '{time.field}' looks like {unit}: its usual step is {step:g}; add "
+                    f"time.scale={scale}, or if it is in seconds, gap_limit above {step:g}"
                 )
     return ""
 
@@ -346,9 +345,8 @@ def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
             known = worst.get(count.topic, (0.0, 0.0))
             worst[count.topic] = max(known, count.drift, key=lambda ends: ends[1] - ends[0])
     return [
-        f"the two clocks drift apart: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after its stamp "
-        f"(running median), a change of more than one step of {1e3 * step:.4g} ms; topics on receive time have the "
-        "same error; split the log at the change, or use clock.stamps=receive"
+        f"the two clocks drift apart: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after its stamp, "
+        f"and a step is {1e3 * step:.4g} ms; split the log at the change, or add clock.stamps=receive"
         for topic, (least, most) in worst.items()
     ]
 

@@ -256,6 +256,6 @@ def _check_same(pairs: Sequence[tuple[str, object, object]], first: str, second:
     for what, one, other in pairs:
         if one != other:
             raise UsageError(
-                f"{first} and {second} differ in {what} ({one} and {other}): several recordings are judged together "
-                "as of one machine and one base simulator; make them alike, or judge each with --each"
+                f"{first} and {second} differ in {what} ({one} and {other}); make them alike, or judge each by itself "
+                "with --each"
             )

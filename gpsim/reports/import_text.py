@@ -26,15 +26,13 @@ DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
 
 
 def told(found: Guess, path: str, own: Mapping[str, tuple[float, str]]) -> list[str]:
-    """A line on what was taken for what, and one on parameters that nobody gave (`own`: value and unit)."""
+    """What was taken for what, in which units, and one on parameters that nobody gave (`own`: value and unit)."""
     path, units = PurePath(shlex.split(path)[0]).name, _units(found)
-    taken = (
-        f"{n} from {source}{f' [{units[n]}]' if n in units else ''}" for n, source in found.taken.items()
-    )
-    said = (
-        f"read as {found.system.name}: {', '.join(taken)}; to change it: CHANNEL=SOURCE, as {_example(found)}"
-    )
-    lines = [f"{path}: {line}" for line in (said, *found.remarks, *_switched(found))]
+    taken = " ".join(shlex.quote(f"{n}={source}") for n, source in found.taken.items())
+    said = [f"read as {found.system.name}: {taken}"]
+    read_in = ", ".join(f"{n} {units[n]}" for n in found.taken if n in units)
+    said += [f"units: {read_in}; to change a channel, add it as {_example(found)}"] if read_in else []
+    lines = [f"{path}: {line}" for line in (*said, *found.remarks, *_switched(found))]
     if own:
         values = ", ".join(f"{name} {value:g} {unit}".rstrip() for name, (value, unit) in own.items())
         first = next(iter(own))
@@ -80,15 +78,14 @@ class Asking:
 
 
 def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[str]) -> tuple[str, list[str]]:
-    """One line with the command that would do, and a table of what only a person can tell, which stands above it.
+    """One line, and above it a table of what only a person can tell, with the commands that would do.
 
     columns: of the log, and its topics; ready: mappings that come with gpsim and fit.
     """
     unknown = not typed.named and any(name in found.missing for name in found.system.state.names)
     name = PurePath(shlex.split(typed.path)[0]).name
     looks = "" if typed.named or unknown else f" that looks like {found.system.name}"
-    line = f"{name}: a raw log{looks}; assign the columns: {_proposed(typed, found, unknown)}; or edit a mapping: "
-    line += f"gpsim import --inspect {typed.path} --write-mapping mapping.yaml"
+    line = f"{name}: a raw log{looks}; assign the columns or edit a mapping, by one of the commands above"
     others = ", ".join(n for n in SIMULATORS if n != found.system.name)
     if unknown:
         made = [SIMULATORS[name]() for name in SIMULATORS]
@@ -99,7 +96,10 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
         table.append(f"a factor may stand before a source: {_example(found)}")
         table += [] if typed.named else [f"other simulators: {others}, {': '.join(reversed(OWN))}"]
         table += _switched(found)
-    return line, [*table, *(f"for the public data set {one}: use --mapping {one}" for one in ready[:1])]
+    table += [f"for the public data set {one}: use --mapping {one}" for one in ready[:1]]
+    table.append(f"assign the columns: {_proposed(typed, found, unknown)}")
+    table.append(f"or edit a mapping: gpsim import --inspect {typed.path} --write-mapping mapping.yaml")
+    return line, table
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -408,7 +408,7 @@ def _left(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     half = DEVIATIONS * cut.observed_std
     axis.fill_between(cut.grid, -half, half, color=BAND, alpha=0.7, linewidth=0)
     axis.axhline(0.0, color=GP, linewidth=1.4)
-    axis.set_ylabel(f"left by the mean\n[{shortened(report.unit(cut.rate, '-'), LONGEST_UNIT)}]")
+    axis.set_ylabel(f"remaining error\n[{shortened(report.unit(cut.rate, '-'), LONGEST_UNIT)}]")
     axis.set_xlim(cut.grid[0], cut.grid[-1])
     axis.set_xlabel(named(cut.channel, report.unit(cut.channel)))
 

@@ -161,8 +161,8 @@ def _successes(report: LoopReport, same: Sequence[str]) -> Sheet:
         ],
         lambda p, s: [whole_percent(rate) for rate in s.get("by_seed") or []],
         {policy: _trips(report, starts, policy) for policy in report.policies},
-        "Steps and metres: means over the trips that reached the goal; of Target's: on the trips that the Target "
-        "policy of the same seed completed too.",
+        "Steps and metres are means over the trips that reached the goal. The ratios to Target's use the trips that "
+        "the Target policy of the same seed completed too.",
     )
 
 

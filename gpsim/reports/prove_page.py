@@ -84,7 +84,7 @@ def _miss(s: Json) -> dict[str, str]:
     def size(part: Json) -> str:
         if "told" not in part:
             return "(body)"
-        return f"{part['value']:.4g} for {part['true']:.4g}" if part["told"] else "(not told)"
+        return f"{part['value']:.4g} for {part['true']:.4g}" if part["told"] else "(not found)"
 
     velocities = s["velocities"]
     if not velocities:

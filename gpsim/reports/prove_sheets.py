@@ -141,7 +141,7 @@ def _part_sheets(part: str, block: Json) -> Iterator[Sheet]:
     if "spurious_families" in block:
         found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
         columns = ("", next(iter(group["columns"])))
-        yield sheet(f"{title}: told and not there", columns, ((n, str(count)) for n, count in found))
+        yield sheet(f"{title}: claimed and not there", columns, ((n, str(count)) for n, count in found))
 
 
 def _verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
@@ -282,9 +282,9 @@ def plan_sheet(content: Json) -> Sheet:
     ]  # fmt: skip
     if rows:
         note = (
-            f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations "
-            f"of {plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations "
-            "fitted to both, the right one ahead by odds above ten"
+            f"A slow recording left {plans['open']} of {plans['drawn']} worlds undecided. In {plans['listed']} of "
+            f"these, the truth was among the explanations. A second recording decided {plans['n']}: fitted to both "
+            "recordings, the right explanation then led by odds above ten."
         )
     columns = ("next recording", "resolved", INTERVAL, "seconds, median", "left the box")
     return sheet("The next recording", columns, rows, note=note)

@@ -13,7 +13,7 @@ from gpsim.reports.account_effects import curve_sentence
 from gpsim.reports.diagnosis_text import fixed_text, log_fact_text, noun, open_text, with_sentences
 
 OFF = "{on} is {offset} off its value in the simulator"
-"""Of a parameter that may be 0, as a place may."""
+"""Of a parameter that may be 0, such as a position."""
 EXCITATIONS: Mapping[Shape, str] = {
     "constant": "a constant {action} of {size:.3g}",
     "slow wave": "a slow wave of {action} with amplitude {size:.3g}",
@@ -78,7 +78,7 @@ def effect_sentence(effect: NamedEffect) -> str:
         said = ""
     if not said:
         told = ", ".join(f"{name} {number}" for name, number in numbers.items())
-        said = f"{noun(effect.family)} on {effect.place} ({told}) was left out"
+        said = f"{noun(effect.family)} on {effect.place} ({told}) is missing"
     return said + ("" if effect.recordings is None else f" in {', '.join(effect.recordings)}")
 
 

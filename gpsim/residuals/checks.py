@@ -98,8 +98,7 @@ def not_finite(
     where = ", ".join(f"{name}={number:g}" for name, number in zip(names, been, strict=True))
     return UsageError(
         f"simulator {simulator.name}: {what} is not finite ({value:g}) at episode {recording.episodes[episode].name}, "
-        f"row {row} of the recording ({where}); protect its roots, logarithms and divisions, as "
-        "np.sqrt(np.maximum(level, 0.0)) does"
+        f"row {row} ({where}); protect roots, logarithms and divisions, as np.sqrt(np.maximum(x, 0.0))"
     )
 
 

@@ -80,8 +80,8 @@ def held_out_rows(recording: Recording, transitions: Transitions) -> BoolArray:
     said = recording.held_out is not None and recording.held_out.share is None
     if said and len(test) and not test.any():
         raise UsageError(
-            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, or "
-            "remove it to hold out the last share of it (residuals.test_fraction)"
+            "nothing is held out: held_out begins after the recording's end; correct it in recording.yaml, or remove "
+            "it (residuals.test_fraction)"
         )
     return test
 

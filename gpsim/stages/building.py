@@ -70,8 +70,8 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
     section = config["target"]
     if not drivable(config):
         raise UsageError(
-            "target=recording cannot be driven, because it consists of logs; give them with collect.source=LOG or "
-            "recording=DIR, or choose a simulated target, as target=limo"
+            "target=recording is a log and cannot be driven; give it with collect.source=LOG or recording=DIR, or "
+            "choose a simulated target, as target=limo"
         )
     target = build(TARGETS[section["name"]], section, "target")
     simulator = open_simulator(_name(config))

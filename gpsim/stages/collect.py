@@ -272,8 +272,8 @@ def _one_topic(mapping: str, sources: Sequence[ChannelSource], wanted: tuple[str
     if channels != list(wanted) or len(topics) != 1 or topic is None:
         said = ", ".join(f"{source.channel.name} (topic {source.topic})" for source in sources)
         raise UsageError(
-            f"collect.mapping={mapping}: the bag of a sweep has {', '.join(wanted)} in one topic, but the mapping "
-            f"needs {said}; choose collect.mapping=limo_optitrack, or use one topic for all (collect.changes)"
+            f"collect.mapping={mapping} needs {said}, but the bag of a sweep has {', '.join(wanted)} in one topic; "
+            "choose collect.mapping=limo_optitrack, or one topic for all (collect.changes)"
         )
     return topic
 

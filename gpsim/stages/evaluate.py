@@ -47,8 +47,8 @@ def check(request: Request) -> None:
     policy_names(request)
     if train_gp_policy.robust(request):
         raise UsageError(
-            "robustness=posterior is only for train-gp-policy; here the policy trained in this way is called "
-            "Posterior: evaluate.policies=[Effects,Posterior,...]"
+            "robustness=posterior is only for train-gp-policy; to evaluate such a policy, name it Posterior in "
+            "evaluate.policies"
         )
     _ = request.start_seed
     truth(request.config["sample_noise"], "sample_noise")
@@ -276,8 +276,8 @@ def _own_inputs(request: Request, data: Residuals) -> FloatArray:
 
 
 WHY = (
-    "returns are left out, because the target consists of logs and cannot be driven; run an exported policy on the "
-    "robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
+    "no returns: the target is a log and cannot be driven; let the robot run an exported policy, then score its log: "
+    "gpsim evaluate experiment=limo deployed=BAG"
 )
 
 

@@ -53,8 +53,8 @@ def facts_of(monitor: Monitor) -> dict[str, Any]:
         or type(gp.predictor) is not Predictor
     ):
         raise UsageError(
-            "--monitor: a node predicts with one Gaussian process per rate, as in gp=exact; it does not support "
-            "effects and chained processes: check its bag with gpsim deploy --replay"
+            "--monitor: works with one Gaussian process per rate (gp=exact), not with effects or chained processes; "
+            "check the node's bag with gpsim deploy --replay"
         )
     (shift, linear, weights), features, late = gp.predictor.mean_form, gp.features, plant.filter
     inputs = [
@@ -196,9 +196,8 @@ def export_corrected_model(folder: Path, out: Path, urdf: bool = False) -> tuple
     found, plant = read_diagnosis(folder), read_corrected(folder)
     if not isinstance(plant.simulator, MjcfSimulator):
         raise UsageError(
-            f"{folder}: corrects {plant.simulator.name}, which is a system of equations, so there is no XML to write; "
-            f"use it in Python with gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with `gpsim "
-            f"train-gp-policy diagnosis={folder}`"
+            f"{folder}: {plant.simulator.name} is no MuJoCo model, so there is no XML to write; in Python, use "
+            f"gpsim.Diagnosis.load({str(folder)!r}).corrected()"
         )
     if artifact.path.resolve() in out.resolve().parents:
         raise UsageError(f"{out}: is inside the diagnosis, which is never changed; choose another --out")

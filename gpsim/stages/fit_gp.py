@@ -228,8 +228,8 @@ def _noise_of(recording: Recording, given: Mapping[str, Any] | None) -> FloatArr
     for name in recording.state.names:
         if name not in named or not number(named[name], f"gp.observations.noise.{name}") > 0.0:
             raise UsageError(
-                f"gp.observations: the noise of {name} is unknown; give its standard deviation under noise in "
-                f"recording.yaml, or for every channel as gp.observations.noise={{{name}: 0.001, ...}}"
+                f"gp.observations: the noise of {name} is unknown; give standard deviations in recording.yaml (noise), "
+                f"or as gp.observations.noise={{{name}: 0.001, ...}}"
             )
     return np.array([float(named[name]) for name in recording.state.names])
 

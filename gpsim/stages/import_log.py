@@ -40,8 +40,8 @@ from gpsim.simulators import SIMULATORS
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
-    "no commands: its action is empty, so the recording contains no commands; `gpsim diagnose` then uses commands of "
-    "0 (a free swing), but the stages of the loop need them; if there are commands, name them under action"
+    "no commands: its action is empty; `gpsim diagnose` then assumes commands of 0 (a free swing), the loop cannot "
+    "use it; if there are commands, name them under action"
 )
 
 

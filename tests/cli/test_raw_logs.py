@@ -31,7 +31,7 @@ def stopped(monkeypatch):
 
 def proposed(err):
     """The command that a message proposes, as words."""
-    found = re.search(r"assign the columns: gpsim (.*?)(?:; | \()", err)
+    found = re.search(r"assign the columns: gpsim (.*)", err)
     assert found, err
     return shlex.split(found[1])
 
@@ -62,15 +62,15 @@ def test_a_table_is_understood_by_its_names_and_asked_about_once(gpsim, stopped,
     code, _, err = gpsim("diagnose", "log.csv")
     assert code == 2
     *table, line = err.splitlines()
-    assert len(table) < 8
-    assert len(line) < 240
-    assert "gpsim import --inspect log.csv --write-mapping mapping.yaml" in line
+    assert len(table) < 10
+    assert len(line) < 120
+    assert "gpsim import --inspect log.csv --write-mapping mapping.yaml" in err
     assert "looks like pendulum" in err
     words = proposed(err)
     assert words[:4] == ["diagnose", "log.csv", "--simulator", "pendulum"]
     code, _, err = gpsim(*words, "--cores", "1")
     assert err.splitlines()[-1] == f"error: {REACHED}"
-    assert "theta from position [rad]" in err
+    assert "theta=position theta_dot=velocity" in err
     assert "mass 1 kg" in err
     assert "recording: runs/cartpole/import/v0001" in err
     recording, simulator, _ = stopped[0]
@@ -133,10 +133,7 @@ def test_a_bag_with_a_pose_and_a_twist_needs_nothing_more(kind, gpsim, stopped, 
     write(path, drive(), Topics("/robot/cmd_vel", "/mocap/robot"))
     _, _, err = gpsim("diagnose", path.name, "--cores", "1")
     assert err.splitlines()[-1] == f"error: {REACHED}"
-    assert (
-        f"warning: {path.name}: read as unicycle: pose from /mocap/robot, v_cmd from /robot/cmd_vel:linear.x"
-        in err
-    )
+    assert f"warning: {path.name}: read as unicycle: pose=/mocap/robot v_cmd=/robot/cmd_vel:linear.x" in err
     recording = stopped[0][0]
     assert recording.dt == pytest.approx(0.02)
     assert recording.action.names == ("v_cmd", "w_cmd")
@@ -185,7 +182,7 @@ def test_a_system_of_ones_own_and_a_log_without_a_clock(gpsim, stopped, tmp_path
     table.to_csv(tmp_path / "tank.csv", index=False)
     code, _, err = gpsim("diagnose", "tank.csv")
     assert code == 2
-    assert "--simulator NAME dt=4 CHANNEL=COLUMN ...; " in err
+    assert "--simulator NAME dt=4 CHANNEL=COLUMN ...\n" in err
     assert "columns: uEst, yEst, Ts\n" in err
     assert re.search("cartpole +x, x_dot, theta, theta_dot, force\n", err)
     words = [

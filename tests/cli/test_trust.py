@@ -35,7 +35,7 @@ class Slider:
 def robot():
     raise ValueError("it was called")
 """
-REFUSED = "would run with your rights, and only data"
+REFUSED = "would run with your rights, and only data name this version"
 
 
 @pytest.fixture(autouse=True)
@@ -119,7 +119,7 @@ def test_no_command_runs_what_only_data_name(words, recording, diagnosis, ran, t
     assert line.startswith("error:")
     assert f"evil.py {REFUSED}" in line
     assert "--trust" in line
-    assert "naming it where a command takes --simulator" in line
+    assert "--trust (in Python trust=True), or --simulator" in line
     assert not ran.exists()
     assert not Path("out").exists()
 

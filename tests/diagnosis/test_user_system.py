@@ -180,8 +180,8 @@ def test_a_root_of_a_noisy_level_is_refused_with_its_row(tmp_path):
     assert isinstance(result.exception, UsageError)
     said = str(result.exception)
     assert "level_rate is not finite (nan)" in said
-    assert "episode second, row 123 of the recording (level=-0.01, pump=" in said
-    assert "np.sqrt(np.maximum(level, 0.0))" in said
+    assert "episode second, row 123 (level=-0.01, pump=" in said
+    assert "np.sqrt(np.maximum(x, 0.0))" in said
     assert "tank.py" in said
     assert "\n" not in said
     with pytest.raises(UsageError, match="episode second, row 123"):

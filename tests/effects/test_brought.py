@@ -131,7 +131,7 @@ GOOD = {
         ({"parameters": '{"weight": ("N/m", 0.0, 50.0, 80.0)}'}, "finite numbers low <= start <= high"),
         (
             {"parameters": '{"weight": ("N/m", 1.0, 50.0, 2.0)}'},
-            "has no effect at 0, which is not between 1 and 50",
+            "has no effect at 0, which is outside 1 to 50",
         ),
         ({"law": "None"}, "it needs a method law(self, q, speed, weight)"),
         ({"law": "lambda self, q, weight: q"}, "law must take (q, speed, weight), got (q, weight)"),

@@ -10,12 +10,15 @@ from gpsim.channels import Channels
 from gpsim.evaluation.predictions import OneStep, compare
 from gpsim.evaluation.returns import (
     bootstrap_interval,
+    episode_returns,
     interquartile_mean,
     start_sets,
     summarise_seeds,
 )
 from gpsim.files import plain
 from gpsim.simulators import SimulatorPlant, make_simulator
+from gpsim.targets.cartpole import FrictionCartPole
+from gpsim.tasks import Balance, Start
 
 CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
@@ -115,3 +118,16 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
     assert (start_sets(returns, certified, None)["returns"] == certified).all()  # no return means solved
     without = start_sets({"Source": returns["Source"]}, certified, 500)
     assert without["returns"].tolist() == certified.tolist()
+
+
+def test_what_has_fallen_runs_away_without_a_warning():
+    """Another one plays on: the floats of what is observed overflow, and then those of the state."""
+
+    class Runaway(FrictionCartPole):
+        def step(self, state, action, memory, rng):
+            return state * 1e20
+
+    plant = Runaway({"gravity": 9.8, "cart_mass": 1.0, "pole_mass": 0.1, "pole_half_length": 0.5}, 0.9, 0.02)
+    start = Start(np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]), np.zeros((2, 0)))
+    returns = episode_returns(plant, Balance(), lambda o: np.zeros(len(o), dtype=np.int64), start, None)
+    assert returns.tolist() == [500.0, 1.0]

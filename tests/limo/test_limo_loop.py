@@ -66,7 +66,7 @@ def test_a_bag_as_the_target_runs_what_it_can_and_says_why_not_the_rest(finished
     words = ["target=recording", f"collect.source={bag}", "evaluate.policies=[Source,GP-Mean,Target]"]
     ended = run_loop(tmp_path, *words)
     assert ended.returncode == 0, ended.stderr
-    assert "returns are left out" in ended.stdout
+    assert "no returns: the target is a log" in ended.stdout
     summary = json.loads((tmp_path / ended.stdout.splitlines()[-1]).read_text())
     assert "returns_all" not in summary
     assert {"v", "w"} <= set(summary["one_step"])

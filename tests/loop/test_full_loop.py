@@ -182,7 +182,7 @@ def test_ctrl_c_and_a_request_to_end_say_how_to_carry_on(tmp_path, asked, code):
         os.killpg(process.pid, asked)
         _, shown = process.communicate(timeout=120)
     assert process.returncode == code
-    assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are whole"), shown
+    assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are complete"), shown
     assert "Traceback" not in shown
     assert not list(tmp_path.glob("runs/*/*/.*"))
     for path in versions(tmp_path):

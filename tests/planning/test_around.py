@@ -85,12 +85,12 @@ def test_what_would_fall_stays_in_the_box_on_a_machine_that_is_one_of_the_explan
 def test_the_pair_is_told_apart_and_left_alone_nothing_is_found(held):
     (pair,) = held[0].pairs
     assert pair.separated
-    with pytest.raises(UsageError, match="no commands were found"):
+    with pytest.raises(UsageError, match="no commands keep the states in the box"):
         planned(None, settings=dataclasses.replace(QUICK, candidates=1, draws=1, checked=4))
 
 
 def test_a_policy_that_does_not_hold_the_machine_is_refused():
-    with pytest.raises(UsageError, match="--policy: under some explanation"):
+    with pytest.raises(UsageError, match="--policy: it may leave the box"):
         planned(lambda seen: -upright(seen), {**STATED, "rest": {"theta": 0.01}})
 
 

@@ -92,7 +92,7 @@ def test_what_does_not_come_back_is_played_anew_each_time():
         ({"box": {"p": [-1.0, 1.0]}}, "no channel 'p'"),
         ({"box": {"q": 3.0}}, r"expected \[low, high\]"),
         ({"rates": {"force": 0.0}}, "expected more than 0 per second"),
-        ({"rest": {"q": 0.9}}, "does not stay at rest"),
+        ({"rest": {"q": 0.9}}, "without commands, q goes from"),
     ],
 )
 def test_limits_that_cannot_be_kept_are_refused(stated, said):

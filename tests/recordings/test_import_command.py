@@ -131,7 +131,8 @@ def test_of_a_folder_only_the_first_log_has_to_be_sound(cartpole_log, tmp_path):
 
 @pytest.mark.parametrize("words", [[], ["--out", "OUT"]])
 def test_without_a_mapping_the_way_to_one_is_told(cartpole_log, tmp_path, words):
-    said = refused(cartpole_log, *(tmp_path / "out" if word == "OUT" else word for word in words))
+    error = run(cartpole_log, *(tmp_path / "out" if word == "OUT" else word for word in words)).exception
+    said = "\n".join(error.table)
     for part in ("--write-mapping mapping.yaml", "gpsim import --inspect", "--simulator cartpole --out"):
         assert part in said
     assert "--out DIR missing" in refused(cartpole_log, "system=cartpole")

@@ -201,7 +201,7 @@ def test_what_lies_outside_the_recording_is_said_and_much_of_it_is_a_warning(mak
     outside = {0: {"policy": 0.9, "deployed": 0.1}, 1: {"deployed": 0.347}, 2: {"deployed": None}}
     report = replace(make_report(3), outside=outside)
     (found,) = (text for text in gp_warnings(report) if "outside" in text)
-    assert found.startswith("35 % of what the deployed GP policy visits")
+    assert found.startswith("35 % of what the GP policy visits")
     assert found.endswith("(seed 1)")
     assert f"warning: {found}" in terminal_notes(report)
     for page in (render(report), render(replace(report, fits={}))):  # without a fit to speak of, too
@@ -219,8 +219,8 @@ def test_what_lies_outside_the_recording_is_said_and_much_of_it_is_a_warning(mak
 def test_the_page_says_whose_diagnosis_it_was(make_report: Make, given: tuple[str, ...], said: str) -> None:
     report = replace(make_report(2), named={0: ["friction"], 1: ["a spring"]}, given=given)
     text = check_policy(render(report)).text
-    assert f"Said by {said}, from" in text
-    assert ("Every seed: friction." if "diagnosis" in given else "Seed 1: a spring.") in text
+    assert f"Found by {said}, which uses" in text
+    assert ("Every seed: friction" if "diagnosis" in given else "Seed 1: a spring") in text
 
 
 def test_of_rewards_of_a_tasks_own_no_start_is_solved_and_no_episode_full(make_report: Make) -> None:

@@ -33,16 +33,16 @@ from gpsim.reports.wording import effect_sentence, worded
 
 PLACE = Place("q", "N", loaded=True)
 SAID = {
-    "coulomb_friction": "Coulomb friction on q (force 0.5 u) was left out",
-    "stribeck_friction": "Stribeck friction on q (0.5 u at rest, 0.5 u sliding, falling over 0.5 u) was left out",
-    "spring": "a spring on q of 0.5 u resting at 0.5 u was left out",
+    "coulomb_friction": "Coulomb friction on q (force 0.5 u) is missing",
+    "stribeck_friction": "Stribeck friction on q (0.5 u at rest, 0.5 u sliding, falling over 0.5 u) is missing",
+    "spring": "a spring on q of 0.5 u resting at 0.5 u is missing",
     "local_friction_patch": "a patch of q brakes with a friction of 0.5 u",
     "parameter_offset": "q is 0.5 u times its value in the simulator",
     "actuator_asymmetry": "q acts with 0.5 u times positive commands and 0.5 u times negative commands",
     "battery_sag": "q loses 0.5 u of its strength (battery sag)",
     "lateral_slip": "the vehicle slips sideways by 0.5 u times its lateral acceleration",
     "sensor_delay": "the sensor of q is 0.5 u late",
-    "payload": "a payload of 0.5 u on q, at (0.5 u, 0.5 u, 0.5 u) in its frame, was left out",
+    "payload": "a payload of 0.5 u on q, at (0.5 u, 0.5 u, 0.5 u) in its frame, is missing",
 }
 
 
@@ -58,7 +58,7 @@ def test_every_family_of_the_catalogue_is_said(family):
     if family in SAID:
         assert effect_sentence(effect) == SAID[family]
     elif not FAMILIES[family].sentence:  # a family needs none of its own
-        assert re.fullmatch(r".+ on q \(.+\) was left out", effect_sentence(effect))
+        assert re.fullmatch(r".+ on q \(.+\) is missing", effect_sentence(effect))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_every_family_of_the_catalogue_is_said(family):
     ],
 )  # fmt: skip
 def test_what_has_no_sentence_for_its_parameters_is_called_by_its_name_and_its_numbers(effect, said):
-    assert effect_sentence(effect) == f"{said} was left out"
+    assert effect_sentence(effect) == f"{said} is missing"
 
 
 SPRING_OR_DRAG = ((("spring", "q"),), (("drag", "q"),))

@@ -251,7 +251,7 @@ def test_figures_of_whole_robots():
     titles = {sheet.title for sheet in prove_sheets.group_sheets(found)}
     assert {"Whole robots", "Whole robots by driven by", "Whole robots by read"} <= titles
     assert "3 whole robots" in text
-    assert "wrong: coulomb_friction on shoulder (not told)" in text
+    assert "wrong: coulomb_friction on shoulder (not found)" in text
     assert any(sheet.title == "Whole robots" for sheet in prove_sheets.terminal_sheets(found))
 
 
@@ -271,4 +271,4 @@ def test_figures_of_what_floats_or_stands():
     assert block["spurious_families"] == {"quadrotor: viscous_friction on base.surge": 1}
     assert set(block["strata"]["effects"]) == {"0", "4"}
     assert goals(found)["afloat: nothing missing, false alarms"] == "1/2"
-    assert "wrong: viscous_friction on base.surge (not told)" in text
+    assert "wrong: viscous_friction on base.surge (not found)" in text

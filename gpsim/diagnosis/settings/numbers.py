@@ -108,7 +108,7 @@ class LawSettings:
         0.5, "1", "the same for a gate", "lower values gave wrong start times in real logs"
     )
     material: float = setting(0.01, "1", "share of the base's misfit that an unusual law must also remove")
-    nearly_all: float = setting(0.6, "1", "share of the remaining error that replaces `material`")
+    nearly_all: float = setting(0.6, "1", "share of the remaining error that is enough instead of `material`")
     held_out: float = setting(0.15, "1", "the same with held-out windows included")
     harmless: float = setting(0.1, "1", "loss allowed on held-out windows, relative to the training gain")
     surely: float = setting(
@@ -146,7 +146,7 @@ class PushSettings:
     elsewhere: float = setting(
         0.99,
         "1",
-        "quantile of the distance between windows; closer samples were visited elsewhere",
+        "quantile of the distances between windows; a sample nearer than that counts as visited by another window",
     )
 
 

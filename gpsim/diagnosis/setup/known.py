@@ -13,7 +13,7 @@ from gpsim.simulators import Simulator
 
 FAMILIES_AT = "diagnose.families"
 BOUNDS_AT = "diagnose.known.bounds"
-MOST_NAMED = 12  # of what there is, where none is meant
+MOST_NAMED = 4  # of what there is, where none is meant
 
 
 def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, float]) -> dict[str, float]:

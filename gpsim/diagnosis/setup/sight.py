@@ -115,7 +115,7 @@ def check_moves(recording: Recording, simulator: Simulator, sight: ObservedModel
             value = _constant(recording)[dead[0]]
             raise UsageError(
                 f"channel {dead[0]} is constant ({value:g}) from episode {first} to episode {last} while {other} "
-                f"moves: check the sensor, or remove {dead[0]} from the recording, so that it is estimated"
+                f"moves; check the sensor, or remove {dead[0]}: it is then estimated"
             )
 
 

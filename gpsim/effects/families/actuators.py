@@ -63,7 +63,7 @@ class ActuatorBias(ActuatorEffect):
     function_of = "command"
     needs = "nothing"
     order = 70
-    plausible = {"bias": Plausible(0.0, 1.0, "size", "by reason: an offset is smaller than the commands")}
+    plausible = {"bias": Plausible(0.0, 1.0, "size", "estimate: an offset is smaller than the commands")}
 
     @staticmethod
     def law(u: Each, bias: Each) -> Each:
@@ -130,7 +130,7 @@ class ActuatorSaturation(ActuatorEffect):
     function_of = "command"
     order = 30
     plausible = {
-        "limit": Plausible(0.1, np.inf, "size", "by reason: commands do not exceed ten times the limit")
+        "limit": Plausible(0.1, np.inf, "size", "estimate: commands do not exceed ten times the limit")
     }
 
     @staticmethod
@@ -187,7 +187,7 @@ class BatterySag(ActuatorEffect):
     drifts = True
     plausible = {
         "loss_per_second": Plausible(
-            0.0, 1.0, "1 / reach", "by reason: the battery is empty at the end of the recording"
+            0.0, 1.0, "1 / reach", "estimate: the battery is empty at the end of the recording"
         )
     }
 
@@ -389,7 +389,7 @@ class TorqueSpeedLimit(DriveEffect):
     plausible = {
         "stall": Plausible(0.1, np.inf, "size", "as a saturation"),
         "no_load_speed": Plausible(
-            0.5, np.inf, "speed", "by reason: a motor is never driven at twice its no-load speed"
+            0.5, np.inf, "speed", "estimate: a motor is never driven at twice its no-load speed"
         ),
     }
 
@@ -412,7 +412,7 @@ class TorqueSpeedLimit(DriveEffect):
 class FlexibleCoupling(ElasticDrive):
     """A flexible coupling: J w' = u - T, T = k z + d z', z' = w - q', and the load gets T in the place of u.
 
-    Definition: two inertias with a spring and a damper between them, as a motor and what it drives through a belt, a
+    Definition: two inertias with a spring and a damper between them, such as a motor and its load behind a belt, a
     harmonic drive or a long shaft (Spong 1987, "Modeling and control of elastic joint robots", Journal of Dynamic
     Systems, Measurement, and Control 109(4)). The motor is ahead of the load by z. A very stiff one acts as a rotor
     of inertia J on the load, one without J has no effect. It has its own motion, so the load continues when the

@@ -21,7 +21,7 @@ class ViscousFriction(ForceEffect):
     """
 
     family = "viscous_friction"
-    sentence = "viscous friction on {on} with damping {damping} was left out"
+    sentence = "viscous friction on {on} with damping {damping} is missing"
     function_of = "speed"
     plausible = {
         "damping": Plausible(
@@ -50,7 +50,7 @@ class QuadraticDrag(ForceEffect):
     """
 
     family = "quadratic_drag"
-    sentence = "quadratic drag on {on} of {drag} was left out"
+    sentence = "quadratic drag on {on} of {drag} is missing"
     function_of = "speed"
     plausible = {
         "drag": Plausible(
@@ -78,14 +78,14 @@ class Spring(ForceEffect):
     """
 
     family = "spring"
-    sentence = "a spring on {on} of {stiffness} resting at {rest_position} was left out"
+    sentence = "a spring on {on} of {stiffness} resting at {rest_position} is missing"
     function_of = "position"
     plausible = {
         "stiffness": Plausible(
             0.0,
             10.0,
             "size / reach",
-            "by reason: a much stiffer spring would prevent any motion",
+            "estimate: a much stiffer spring would prevent any motion",
         )
     }
 
@@ -110,7 +110,7 @@ class CubicSpring(ForceEffect):
     function_of = "position"
     sentence = (
         "a spring on {on} of {stiffness} and {cubic}, which grows with the cube, resting at {rest_position} "
-        "was left out"
+        "is missing"
     )
     plausible = {
         "stiffness": Plausible(0.0, 10.0, "size / reach", "as a spring"),
@@ -141,11 +141,11 @@ class ConstantForce(ForceEffect):
     """
 
     family = "constant_force"
-    sentence = "a constant force of {force} on {on} was left out"
+    sentence = "a constant force of {force} on {on} is missing"
     function_of = "position"
     plausible = {
         "force": Plausible(
-            0.0, 3.0, "size", "by reason: a force larger than that of the drive would carry the body away"
+            0.0, 3.0, "size", "estimate: a force larger than that of the drive would carry the body away"
         )
     }
 
@@ -169,9 +169,9 @@ class CoggingForce(ForceEffect):
     family = "cogging_force"
     function_of = "position"
     noun = "cogging"
-    sentence = "a cogging force of {amplitude} on {on} with a period of {period} was left out"
+    sentence = "a cogging force of {amplitude} on {on} with a period of {period} is missing"
     plausible = {
-        "amplitude": Plausible(0.0, 3.0, "size", "by reason: a larger force would hold the body in one tooth")
+        "amplitude": Plausible(0.0, 3.0, "size", "estimate: a larger force would hold the body in one tooth")
     }
 
     @staticmethod
@@ -325,7 +325,7 @@ class StribeckFriction(ForceEffect):
     family = "stribeck_friction"
     sentence = (
         "Stribeck friction on {on} ({static_force} at rest, {force} sliding, "
-        "falling over {stribeck_velocity}) was left out"
+        "falling over {stribeck_velocity}) is missing"
     )
     function_of = "speed"
     noun = "Stribeck friction"
@@ -385,7 +385,7 @@ class LoadFriction(ForceEffect):
     family = "load_friction"
     function_of = "nothing"
     noun = "friction under load"
-    sentence = "friction on {on} of {share} times the driving force was left out"
+    sentence = "friction on {on} of {share} times the driving force is missing"
     variants = ("", RISE)
     dry = True
     loaded_by_command = True
@@ -422,7 +422,7 @@ class LugreFriction(BristleEffect):
 
     family = "lugre_friction"
     noun = "LuGre friction"
-    sentence = "friction on {on} of {force} with presliding ({stiffness}) was left out"
+    sentence = "friction on {on} of {force} with presliding ({stiffness}) is missing"
     variants = ("", "stribeck")
     takes = {"force": np.nan, "static_force": 0.0, "stribeck_velocity": 1.0, "stiffness": np.nan}
     plausible = {

@@ -17,7 +17,7 @@ STEEPEST = 1.5  # rad
 class ParameterOffset(ParameterEffect):
     """A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
 
-    Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believed + offset.
+    Definition: a ratio; for a parameter that may be 0, such as a position, an `offset`: p = p_believed + offset.
     """
 
     family = "parameter_offset"
@@ -44,7 +44,7 @@ class ParameterOffset(ParameterEffect):
     laws = {"offset": "shifted"}
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Ratio [1]; of what may be 0, as a place may, the offset [its own]."""
+        """Ratio [1]; for a parameter that may be 0, such as a position, the offset [its own]."""
         if place.additive:
             span, (low, high) = place.span, place.bounds
             return (EffectParameter("offset", place.unit, low, high, (0.1 * span,), 0.1 * span),)
@@ -61,7 +61,7 @@ class Payload(ModelEffect):
 
     family = "payload"
     acts_on = "a body"
-    sentence = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out"
+    sentence = "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, is missing"
     function_of = "nothing"
     plausible = {
         "mass": Plausible(
@@ -93,7 +93,7 @@ class Armature(ModelEffect):
 
     family = "armature"
     acts_on = "a joint"
-    sentence = "rotor inertia of {inertia} on {on} was left out"
+    sentence = "rotor inertia of {inertia} on {on} is missing"
     function_of = "nothing"
     noun = "rotor inertia"
     plausible = {

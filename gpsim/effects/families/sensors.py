@@ -316,7 +316,7 @@ class MarkerOffset(PoseEffect):
     function_of = "nothing"
     order = 20
     plausible = dict.fromkeys(
-        ("forward", "left"), Plausible(0.0, 2.0, "1", "by reason: a marker sits on its vehicle")
+        ("forward", "left"), Plausible(0.0, 2.0, "1", "estimate: a marker sits on its vehicle")
     )
 
     @staticmethod

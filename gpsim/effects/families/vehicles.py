@@ -106,7 +106,7 @@ class SteeringBias(VehicleEffect):
     order = 30
     plausible = {
         "curvature": Plausible(
-            0.0, 2.0, "1", "by reason: small robots turn with at most 2/m (a Limo: 0.46 m)"
+            0.0, 2.0, "1", "estimate: small robots have curvatures up to 2/m (a Limo: 1/0.46 m)"
         )
     }
 
@@ -133,9 +133,7 @@ class CorneringDrag(VehicleEffect):
     function_of = "twist"
     order = 30
     changes = "v"
-    plausible = {
-        "drag": Plausible(0.0, 1.0, "1", "by reason: model cars lose half of their speed at 1 m/s^2")
-    }
+    plausible = {"drag": Plausible(0.0, 1.0, "1", "estimate: model cars lose half of their speed at 1 m/s^2")}
 
     @staticmethod
     def law(v: Each, lateral: Each, w: Each, drag: Each) -> Twist:
