@@ -104,7 +104,9 @@ def said(cell: dict[str, Any]) -> str:
 TX40 = Ground(
     "tx40",
     "Staubli TX40, six joints",
-    "the first four fifths of the motion are for training, the last fifth is for testing",
+    "the first four fifths of the motion are for training, the last fifth is for testing. Torque: error of the torque "
+    "that a model gives for the measured motion, over the spread of the measured torque, mean of the joints. Left: "
+    "what is left of the maker's model's error in motion, geometric mean over joints",
     "torque",
     ("torque", "torque, joints 1-4", "left, 0.2 s", "left, 1 s"),
     (
@@ -149,8 +151,8 @@ TX40 = Ground(
 SCOREBOARD = Ground(
     "scoreboard",
     "Six robots of the scored logs",
-    "the held-out part of each log is for testing, one robot per result. Left: share of the original model's error, "
-    "geometric mean over joints (and over 0.2 and 1 s)",
+    "the held-out part of each log is for testing. Left: what is left of the original model's error in motion, "
+    "geometric mean over joints (and over 0.2 and 1 s); of six robots the mean",
     "left",
     ("left", "left, 0.2 s", "left, 1 s"),
     (
