@@ -82,7 +82,8 @@ def section(ground: Ground, cells: Sequence[Cell]) -> list[str]:
     if ground.remarks is not None:
         lines += ["", ground.remarks(cells).strip()]
     efforts = [effort(peer, by_peer[peer.name]) for peer in ground.peers]
-    return [*lines, "", *efforts]
+    folded = '<details markdown="1"><summary>Methods and their effort</summary>'
+    return [*lines, "", folded, "", *efforts, "", "</details>"]
 
 
 def placed(ground: Ground, cells: Sequence[Cell]) -> list[str]:
@@ -159,7 +160,7 @@ def effort(peer: Peer, cells: Sequence[Cell]) -> str:
     for cell in cells[:1]:
         said += [cell.get("tuned") or "", cell.get("notes") or ""]
     packages = cells[0]["versions"] if cells else {}
-    said += [", ".join(f"{k} {v}" for k, v in sorted(packages.items()) if k != "gpsim")]
+    said += [", ".join(f"{k} {v}" for k, v in sorted(packages.items()) if k != "gpsim" and v[0].isdigit())]
     return f"- {peer.title}: {plain('; '.join(s for s in said if s)) or 'not run yet'}."
 
 

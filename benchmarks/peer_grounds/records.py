@@ -598,7 +598,7 @@ def diagnosed(case: Case, kind: str, task: Task) -> Answer:
     return Answer(
         scores={"RMSE": Score(float(np.median(errors)), data.unit, *edges)},
         names=() if kind == "gp" else tuple(f"{e.family} on {e.place}" for e in diagnosis.effects),
-        parameters=() if kind == "gp" else parameters,
+        parameters=parameters if kind == "effects" else (),  # those of the same with a process are the same
         tuned="default settings" + ("; median and range of five seeds" if len(errors) > 1 else ""),
         notes=f"verdict {diagnosis.verdict}",
         details={"RMSE": errors, "no Gaussian process": [one.result.remainder.gp.why_not for one in told]},
