@@ -87,13 +87,8 @@ def section(ground: Ground, cells: Sequence[Cell]) -> list[str]:
 
 
 def placed(ground: Ground, cells: Sequence[Cell]) -> list[str]:
-    """Who is ahead, and where gpsim is, of those who played all seeds that anybody played; in a sentence."""
-    found = dots(ground, cells)
-    played = {
-        one[0].name: sum(c["peer"] == one[0].name and c["status"] == "done" for c in cells) for one in found
-    }
-    whole = [one for one in found if played[one[0].name] == max(played.values())]
-    whole.sort(key=lambda one: one[2], reverse=ground.more_is_better)
+    """Who is ahead, and where gpsim is, in a sentence."""
+    whole = sorted(dots(ground, cells), key=lambda one: one[2], reverse=ground.more_is_better)
     place = next(
         (i for i, (peer, *_) in enumerate(whole) if peer.kind == "gpsim" and peer.name != "gpsim-gp"), None
     )
@@ -101,7 +96,8 @@ def placed(ground: Ground, cells: Sequence[Cell]) -> list[str]:
         return []
     texts = [f"{peer.title}, {value:.3g} {unit}".strip() for peer, _, value, unit in whole]
     if place == 0:
-        return [f"**Ahead in {ground.headline}: {texts[0]}.** Next: {texts[1]}."]
+        behind = next((t for t, one in zip(texts, whole, strict=True) if one[2] != whole[0][2]), "nobody")
+        return [f"**Ahead in {ground.headline}: {texts[0]}.** Next: {behind}."]
     return [f"**Ahead in {ground.headline}: {texts[0]}.** Place {place + 1} of {len(whole)}: {texts[place]}."]
 
 
@@ -225,8 +221,8 @@ def panel(axis: Any, ground: Ground, found: Sequence[tuple[Peer, float, float, s
 
 
 def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float, str]]:
-    """Peer, processor seconds, mean headline, unit, of those that were run and did not run away."""
-    found = []
+    """Peer, processor seconds, mean headline, unit, of those that did not run away on any seed that anybody played."""
+    found = {}
     for peer in ground.peers:
         done = [
             c
@@ -236,5 +232,7 @@ def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float
         scores = [c["scores"][ground.headline] for c in done if c["scores"].get(ground.headline)]
         values = [s["value"] for s in scores if s["value"] is not None]
         if values:
-            found.append((peer, max(seconds(done), 0.1), sum(values) / len(values), scores[0]["unit"]))
-    return found
+            mean, spent = sum(values) / len(values), max(seconds(done), 0.1)
+            found[peer.name] = len(values), (peer, spent, mean, scores[0]["unit"])
+    most = max((count for count, _ in found.values()), default=0)
+    return [one for count, one in found.values() if count == most]
