@@ -150,6 +150,7 @@ def wanted(given: argparse.Namespace, known: dict[str, Ground]) -> list[tuple[Gr
         for peer in ground.peers
         if not given.peer or peer.name in given.peer
         for seed in ground.seeds
+        if not given.seed or seed in given.seed
     ]
 
 
@@ -208,6 +209,7 @@ def main() -> None:
     words.add_argument("--out", type=Path, default=Path("runs/peers"))
     words.add_argument("--ground", nargs="*", default=[], help="grounds to play on, all by default")
     words.add_argument("--peer", nargs="*", default=[], help="peers to ask, all by default")
+    words.add_argument("--seed", nargs="*", default=[], type=int, help="seeds, all by default")
     words.add_argument(
         "--recordings", type=Path, help="the public recordings of data/README.md; or GPSIM_RECORDINGS"
     )

@@ -27,7 +27,7 @@ T95 = {
     8: 2.36,
 }  # of Student's t, by the number of seeds
 COLOURS = {"gpsim": "#0b6e4f", "parameters": "#c8553d", "black box": "#4a6fa5"}
-MOST_NAMES = 6
+MOST_NAMES, MOST_PARAMETERS = 6, 12  # of a peer, that are told
 COLUMNS = 2  # of the figure
 
 
@@ -49,10 +49,8 @@ def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
         f"    pip install -c constraints.txt -e '.[peers]'\n    {COMMAND}", "",
         "Every method gets the same training part. A small grid is searched on a held-out part of it; the test part is",
         "never used. gpsim only knows the plain simulator. Times are processor seconds of one thread, with imports,",
-        "on a shared machine. Results that were not computed are marked.", "",
-        "The command computed these results for the TX40 (the maker's model and figaroh), for so101 (mujoco.sysid with",
-        "the missing effects given) and for Limo. The others come from the same functions, before the command existed.",
-        "The times on CartPole exclude the shared part.",
+        "on a shared machine. `benchmarks/peers.json` has every parameter. Its results with a `clock_s` of 0 come",
+        "from the same functions, before the command existed.",
         "", "![Error against processor time, one dot per method and task](../images/peers.svg)",
     ]  # fmt: skip
     for ground in grounds:
@@ -63,6 +61,7 @@ def words(grounds: Sequence[Ground], cells: Sequence[Cell]) -> list[str]:
 def section(ground: Ground, cells: Sequence[Cell]) -> list[str]:
     """A ground: table, parameters, efforts, what is published."""
     lines = ["", f"## {ground.title}", "", f"{ground.split[0].upper()}{ground.split[1:]}.", ""]
+    lines += [*placed(ground, cells), ""]
     lines += [
         f"| peer | {' | '.join(ground.columns)} | names | processor s |",
         "|---" * (len(ground.columns) + 3) + "|",
@@ -74,12 +73,32 @@ def section(ground: Ground, cells: Sequence[Cell]) -> list[str]:
         lines += [f"- {p.value:g} {p.unit}, {p.what} ({p.source})" for p in ground.published]
     sizes = [(peer, c) for peer in ground.peers for c in by_peer[peer.name][:1] if c.get("parameters")]
     if sizes and len(ground.seeds) == 1:
-        lines += ["", "| peer | parameter | value | 90 % | published |", "|---|---|---|---|---|"]
-        lines += [size(peer, p) for peer, cell in sizes for p in cell["parameters"]]
+        few = [
+            (peer, p) for peer, c in sizes for p in c["parameters"] if len(c["parameters"]) <= MOST_PARAMETERS
+        ]
+        if few:
+            lines += ["", "| peer | parameter | value | 90 % | published |", "|---|---|---|---|---|"]
+        lines += [size(peer, p) for peer, p in few]
     if ground.remarks is not None:
         lines += ["", ground.remarks(cells).strip()]
     efforts = [effort(peer, by_peer[peer.name]) for peer in ground.peers]
-    return [*lines, "", *efforts]
+    folded = '<details markdown="1"><summary>Methods and their effort</summary>'
+    return [*lines, "", folded, "", *efforts, "", "</details>"]
+
+
+def placed(ground: Ground, cells: Sequence[Cell]) -> list[str]:
+    """Who is ahead, and where gpsim is, in a sentence."""
+    whole = sorted(dots(ground, cells), key=lambda one: one[2], reverse=ground.more_is_better)
+    place = next(
+        (i for i, (peer, *_) in enumerate(whole) if peer.kind == "gpsim" and peer.name != "gpsim-gp"), None
+    )
+    if place is None or len(whole) < 2:
+        return []
+    texts = [f"{peer.title}, {value:.3g} {unit}".strip() for peer, _, value, unit in whole]
+    if place == 0:
+        behind = next((t for t, one in zip(texts, whole, strict=True) if one[2] != whole[0][2]), "nobody")
+        return [f"**Ahead in {ground.headline}: {texts[0]}.** Next: {behind}."]
+    return [f"**Ahead in {ground.headline}: {texts[0]}.** Place {place + 1} of {len(whole)}: {texts[place]}."]
 
 
 def row(ground: Ground, peer: Peer, cells: Sequence[Cell]) -> str:
@@ -137,7 +156,7 @@ def effort(peer: Peer, cells: Sequence[Cell]) -> str:
     for cell in cells[:1]:
         said += [cell.get("tuned") or "", cell.get("notes") or ""]
     packages = cells[0]["versions"] if cells else {}
-    said += [", ".join(f"{k} {v}" for k, v in sorted(packages.items()) if k != "gpsim")]
+    said += [", ".join(f"{k} {v}" for k, v in sorted(packages.items()) if k != "gpsim" and v[0].isdigit())]
     return f"- {peer.title}: {plain('; '.join(s for s in said if s)) or 'not run yet'}."
 
 
@@ -202,8 +221,8 @@ def panel(axis: Any, ground: Ground, found: Sequence[tuple[Peer, float, float, s
 
 
 def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float, str]]:
-    """Peer, processor seconds, mean headline, unit, of those that were run and did not run away."""
-    found = []
+    """Peer, processor seconds, mean headline, unit, of those that did not run away on any seed that anybody played."""
+    found = {}
     for peer in ground.peers:
         done = [
             c
@@ -213,5 +232,7 @@ def dots(ground: Ground, cells: Sequence[Cell]) -> list[tuple[Peer, float, float
         scores = [c["scores"][ground.headline] for c in done if c["scores"].get(ground.headline)]
         values = [s["value"] for s in scores if s["value"] is not None]
         if values:
-            found.append((peer, max(seconds(done), 0.1), sum(values) / len(values), scores[0]["unit"]))
-    return found
+            mean, spent = sum(values) / len(values), max(seconds(done), 0.1)
+            found[peer.name] = len(values), (peer, spent, mean, scores[0]["unit"])
+    most = max((count for count, _ in found.values()), default=0)
+    return [one for count, one in found.values() if count == most]

@@ -24,7 +24,6 @@ from typing import Any
 
 import numpy as np
 from gpsim.cli.configuration import resolve
-from gpsim.evaluation.statistics import bootstrap_interval
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -32,6 +31,7 @@ from gpsim.corrected import Features
 from gpsim.corrected.command_filter import mean_rates
 from gpsim.environments import policy_actor
 from gpsim.evaluation import episode_returns
+from gpsim.evaluation.returns import bootstrap_interval
 from gpsim.residuals import Residuals
 from gpsim.simulators import Memory, Plant, SimulatorPlant
 from gpsim.stages import build_residuals, collect, diagnose_loop, fit_gp, train_gp_policy, train_source
@@ -43,7 +43,7 @@ from gpsim.stages.stage import Request, generator
 from peer_grounds.contract import Answer, Score
 
 Floats = NDArray[np.float64]
-SHARE = {"cartpole": 1 / 3, "limo": 0.25}  # of the training steps: 100 000 steps and 15 000 decisions
+SHARE = {"cartpole": 1.0, "limo": 0.25}  # of the training steps: 300 000 steps and 15 000 decisions
 PURPOSE = "peers"  # of the seeds: the same for all peers
 PAST = {"cartpole": 0, "limo": 5}  # commands before the present one that the delta action sees
 WIDTH, ROUNDS, RATE, PATIENCE = 64, 2000, 5e-3, 200  # of its network: units, steps of Adam, learning rate
