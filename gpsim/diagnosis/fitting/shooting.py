@@ -255,8 +255,7 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                # Where there are no parameters, the step before this one was of start states, too.
-                attempts = ALONE if self._dear and len(own.parameters) else 1
+                attempts = ALONE if self._dear else 1
                 point, per_window = self.starts_alone(point, slopes, per_window, attempts)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
