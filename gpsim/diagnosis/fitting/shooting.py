@@ -166,6 +166,23 @@ class Shooting:
         residual = self.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
         return residual, self.costs(residual)
 
+    def _where_less(
+        self, hypothesis: Hypothesis, starts: FloatArray, at: tuple[FloatArray, ...], rows: BoolArray
+    ) -> tuple[tuple[FloatArray, ...], BoolArray]:
+        """Start states (W, S), residuals and costs, those of other starts in the rows that cost less so; and which."""
+        less = np.zeros(len(rows), dtype=np.bool_)
+        if not (some := np.flatnonzero(rows)).size:
+            return at, less
+        problem, before = self.problem.on(self.problem.windows.take(some)), at[2]
+        residual = problem.gaps(hypothesis, hypothesis.theta[None], starts[some][None])[0]
+        white = residual * self.noise.whitening[some]
+        cost = 0.5 * np.einsum("wls,wls->w", white, white)
+        less[some] = cost < before[some]
+        at = tuple(own.copy() for own in at)
+        for own, new in zip(at, (starts[some], residual, cost), strict=True):
+            own[less] = new[less[some]]
+        return at, less
+
     def counted(self, point: Fit) -> Fit:
         """The same place under the noise as it is now."""
         return replace(point, costs=self.costs(point.residuals), noise=self.noise)
@@ -238,7 +255,7 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                attempts = ALONE if closed(self.problem.simulator) else 1
+                attempts = ALONE if self._dear else 1
                 point, per_window = self.starts_alone(point, slopes, per_window, attempts)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0
@@ -256,12 +273,8 @@ class Shooting:
         moved = point.hypothesis.having(own.natural(z))
         residual, costs = self._left(moved, starts)
         better = costs <= point.costs + 1e-9
-        if not better.all():
-            old, back = self._left(moved, point.starts)
-            worse = back < costs
-            starts = np.where(worse[:, None], point.starts, starts)
-            residual = np.where(worse[:, None, None], old, residual)
-            costs = np.minimum(back, costs)
+        at, _ = self._where_less(moved, point.starts, (starts, residual, costs), ~better)
+        starts, residual, costs = at
         new = replace(
             point, hypothesis=moved, z=z, starts=starts, residuals=residual, costs=costs, prior=prior(own, z)
         )
@@ -296,15 +309,9 @@ class Shooting:
 
     def _where_better(self, point: Fit, starts: FloatArray) -> tuple[Fit, BoolArray]:
         """The point with other start states (W, S) in the windows that cost less with them; and which these are."""
-        residual, costs = self._left(point.hypothesis, starts)
-        better = costs < point.costs
-        moved = replace(
-            point,
-            starts=np.where(better[:, None], starts, point.starts),
-            residuals=np.where(better[:, None, None], residual, point.residuals),
-            costs=np.minimum(costs, point.costs),
-        )
-        return moved, better
+        now, other = (point.starts, point.residuals, point.costs), (starts != point.starts).any(axis=1)
+        (starts, residual, costs), better = self._where_less(point.hypothesis, starts, now, other)
+        return replace(point, starts=starts, residuals=residual, costs=costs), better
 
     # Noise
 

@@ -32,6 +32,7 @@ from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH_OF_A_ROBOT = 3  # rounds of the last fit, where each is dear
+ZERO = "joint_offset"
 WITHOUT = 4  # rounds of the fit of an account with one law less
 
 Step = Callable[[str, int, str], None]
@@ -107,7 +108,12 @@ def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
-        laws = [replace(law, of_row=False) for law in laws]
+        # An encoder's zero is as likely to be off as an amplifier's, where rows do not ask for all of one of them.
+        zeros = [law.candidate.family == ZERO for law in laws]
+        laws = [
+            replace(law, of_row=False, price=0.0 if zero else law.price)
+            for law, zero in zip(laws, zeros, strict=True)
+        ]
         few = Search(question.searched, question.held_out, laws)
         few.only_few = few_suffice(few)
         if few.only_few:

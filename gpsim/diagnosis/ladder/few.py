@@ -11,9 +11,11 @@ from gpsim.diagnosis.fitting import Shooting, whiteness
 from gpsim.diagnosis.ladder.account import bill
 from gpsim.diagnosis.ladder.offers import Offers
 from gpsim.diagnosis.ladder.search import PROBED, Search
+from gpsim.diagnosis.ladder.twins import swap
 from gpsim.recordings import evenly
 
 FEW, LEAVE = 3, 0.003  # laws that may be all that is missing; of the misfit, that they leave then
+NEARLY = 0.1  # of the misfit: where few laws leave no more, others in their place may leave nothing
 LEFT_BY_ONE = 0.7  # of the misfit: where the best law leaves more, more than few are missing
 OFFERED = 15  # windows by which they are offered
 
@@ -31,12 +33,16 @@ def few_suffice(search: Search) -> bool:
         thin.noise = replace(search.shooting.noise, weights=thin.base_weights)
         point = thin.at(search.account.hypothesis, measured[some])
         absent = [law for law in search.laws if not (law.stiff or search.account.holds(law))]
-        if not search.add_best(Offers(thin, point).of(absent), PROBED, measured):
+        offers = Offers(thin, point)
+        if not search.add_best(offers.simulated(offers.of(absent)), PROBED, measured):
             break
         if search.left() > LEFT_BY_ONE * search.missing():
             return False
         if search.left() <= 0.0 and whiteness(problem, search.account.fit) > search.verdict.chance:
             break
+    search.only_few = search.left() <= NEARLY * search.missing()
+    if search.only_few and search.left() > LEAVE * search.missing():
+        swap(search)
     return search.left() <= LEAVE * search.missing()
 
 

@@ -184,6 +184,12 @@ class Law:
         """Whether its size can be told from its slope where it does nothing."""
         return not self.starts
 
+    @property
+    def moments(self) -> list[int]:
+        """The parameters that say where on its body a size sits."""
+        own = self.candidate.declared
+        return [i for i, p in enumerate(own) if self.has_slope and p.place and p.none == p.starts[0]]
+
     def believed(
         self,
         values: Mapping[tuple[str, str], Sequence[float]],

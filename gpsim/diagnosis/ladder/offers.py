@@ -7,7 +7,7 @@ gains well near a fit and mislead far from one, so that an offer orders what is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Shooting, Slopes, coordinat
 from gpsim.diagnosis.ladder.laws import Law
 
 Key = tuple[str, str, str]
+LOOKS = 3  # simulations of an offer, each where the last one says
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,24 @@ class Offers:
             if not o.has_slope and (o.stiff or o.candidate.place.on == of.candidate.place.on)
         }
         return self._promised(laws, lines.slopes.r, lines, here)
+
+    def simulated(self, offers: Sequence[Offer]) -> list[Offer]:
+        """What each gains where it is simulated: at its size, and at the one that the way there then promises."""
+        lines, out = Lines(self.slopes, self._fit), []
+        for offer in offers:
+            law, none = offer.law, offer.law.candidate.declared[at_nothing(offer.law)[1]].none
+            first, best = at_nothing(law)[1], Offer(0.0, law, offer.values)
+            for _ in range(LOOKS):
+                change = self._started([replace(law, starts=(offer.values,))], self._fit)[:, :, 0]
+                best = max(
+                    best, replace(offer, gain=lines.gain(self.slopes.r + change)), key=lambda o: o.gain
+                )
+                _, times = lines.along(-change)
+                p, size = law.candidate.declared[first], none + times * (offer.values[first] - none)
+                own = (*offer.values[:first], float(np.clip(size, p.low, p.high)), *offer.values[first + 1 :])
+                offer = replace(offer, values=own)
+            out.append(best)
+        return out
 
     def lost(self, gone: slice, part: Fit) -> float:
         """Nats by which the place of a law is worse where nothing stands in it, by the same lines."""
@@ -108,9 +127,15 @@ class Offers:
         own = coordinates(law.candidate.declared)
         z, first = at_nothing(law)
         gain, size = lines.along(changes[:, :, 0])
-        if not own.low[first] <= size <= own.high[first]:
-            gain = 0.0
-        z[first] = np.clip(size, own.low[first], own.high[first])
+        if at := law.moments:
+            held = np.eye(len(at) + 1) / own.prior[first] ** 2
+            more, (total, *moments), _, _ = lines.heights(changes, held)
+            moved = own.scale[at] * np.array(moments) / (total or 1.0)
+            if total > 0.0 and (own.low[at] <= moved).all() and (moved <= own.high[at]).all():
+                gain, size, z[at] = more, float(total), moved
+        if not own.low[first] < size < own.high[first]:
+            return Offer(0.0, law, tuple(p.starts[0] for p in law.candidate.declared))
+        z[first] = size
         return Offer(gain, law, tuple(own.natural(z).tolist()))
 
     def _jumping(self, law: Law, r: FloatArray, lines: Lines, changes: FloatArray) -> Offer:
@@ -157,12 +182,20 @@ def nudged(law: Law) -> tuple[float, list[float]]:
 
 
 def column(shooting: Shooting, fit: Fit, law: Law) -> FloatArray:
-    """(W, M, 1) the whitened slope of what an absent law takes off the residual, at nothing."""
+    """(W, M, 1 + P) the whitened slope of what an absent law takes off the residual, at nothing.
+
+    Then how that changes where it sits one scale further along each of its P axes: its first moments are as linear.
+    """
     step, values = nudged(law)
-    hypothesis = fit.hypothesis.plus(law.term(values), law.candidate.declared)
-    moved = shooting.residuals(hypothesis, hypothesis.theta[None], fit.starts[None])[0]
+    places = [values]
+    for i in law.moments:
+        places.append([*values[:i], values[i] + law.candidate.declared[i].scale, *values[i + 1 :]])
+    every = [fit.hypothesis.plus(law.term(own), law.candidate.declared) for own in places]
+    copies = np.tile(fit.starts, (len(every), 1, 1))
+    moved = shooting.residuals(every[0], np.stack([h.theta for h in every]), copies)
     white = (fit.residuals - moved) * shooting.noise.whitening / step
-    return np.asarray(np.nan_to_num(white).reshape(len(fit.starts), -1, 1))
+    white[1:] -= white[0]
+    return np.asarray(np.moveaxis(np.nan_to_num(white).reshape(len(every), len(fit.starts), -1), 0, 2))
 
 
 class Lines:

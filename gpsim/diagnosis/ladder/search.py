@@ -503,6 +503,7 @@ class Search:
                     continue
                 adapted = placed(self.account.hypothesis, around.without([i]))
                 rounds = FIRST_LOOK if around.cost(i) > 150.0 else CLOSE
+                rounds = FINISH if self.only_few else rounds
                 less[law.key] = self.without(self.account, [i], adapted, rounds)
                 behind = less[law.key].fit.cost - self.account.fit.cost - self.price(law)
                 if behind < 0 and (worst is None or behind < worst[0]):

@@ -25,7 +25,7 @@ def swap(search: Search) -> None:
     Not where every fit is of a whole robot: its regression has compared what may stand in for what.
     """
     done = set[tuple[object, ...]]()
-    for _ in range(ROUNDS if not search.dear or (search.only_few and len(search.account.laws) > 1) else 0):
+    for _ in range(ROUNDS if search.only_few or not search.dear else 0):
         less = search.drop_each()
         order = sorted(less, key=lambda key: less[key].fit.cost)
         if not any(_replaced(search, key, less[key], done) for key in order):
@@ -93,7 +93,7 @@ def _leaner(search: Search, account: Account, kept: Law) -> Account:
     gone = Quadratic(account).taken_away(prices, held)
     if not gone:
         return account
-    less = search.without(account, [g.index for g in gone], placed(account.hypothesis, gone[-1].z), CLOSE)
+    less = search.without(account, [g.index for g in gone], placed(account.hypothesis, gone[-1].z), FINISH)
     return less if search.score(less) < search.score(account) else account
 
 
