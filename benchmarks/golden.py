@@ -57,7 +57,7 @@ VOLATILE = {
 }  # fmt: skip
 """Keys of JSON files that say when, where and with which source a file was made."""
 LEFT_OUT = {"timings.json", "outcome.json"}
-TIMES = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?|\b(?=\d*[a-f])[0-9a-f]{7,64}\b")
+TIMES = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?|not recorded|\b(?=\d*[a-f])[0-9a-f]{7,64}\b")
 CALLS = """
 import contextlib, json, sys, time
 from gpsim.cli.main import main
