@@ -57,7 +57,7 @@ VOLATILE = {
 }  # fmt: skip
 """Keys of JSON files that say when, where and with which source a file was made."""
 LEFT_OUT = {"timings.json", "outcome.json"}
-TIMES = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?|\b(?=\d*[a-f])[0-9a-f]{7,64}\b")
+TIMES = re.compile(rb"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d)?|not recorded|\b(?=\d*[a-f])[0-9a-f]{7,64}\b")
 CALLS = """
 import contextlib, json, sys, time
 from gpsim.cli.main import main
@@ -177,7 +177,7 @@ def proof(code: Path, cwd: Path, jobs: int) -> None:
     counts = [w for kind in ("curves", "rough", "machines", "plan") for w in (f"--{kind}", str(WORLDS[kind]))]
     plain = ["--trials", str(WORLDS["plain"]), "--no-long", *counts]
     words = ["--trials", str(WORLDS["words"]), "--stratum", "words"]
-    conceal = ["prove", "conceal", "--out", "p", "--seed", SEED, "--jobs", "1"]
+    conceal = ["prove", "conceal", "--out", "p", "--seed", SEED, "--jobs", str(jobs)]
     called(code, cwd, [("conceal", [*conceal, *plain]), ("conceal-words", [*conceal, *words])])
     calls: list[Call] = []
     for folder in sorted(p for p in (cwd / "p" / "public").iterdir() if p.is_dir()):
@@ -186,7 +186,7 @@ def proof(code: Path, cwd: Path, jobs: int) -> None:
         calls.append((folder.name, ["diagnose", *shown, "--out", target, *CHEAP]))
     at_once(code, cwd, calls, jobs)
     called(code, cwd, [("outcomes", [])], OUTCOMES)
-    called(code, cwd, [("reveal", ["prove", "reveal", "--out", "p", "--jobs", "1"])])
+    called(code, cwd, [("reveal", ["prove", "reveal", "--out", "p", "--jobs", str(jobs)])])
 
 
 def worlds(code: Path, cwd: Path, jobs: int) -> None:
