@@ -104,8 +104,7 @@ def _answer(
     left = 1.0 - attribution.share.share
     sizes = averaged(question, judgement.leader, judgement.rivals, judgement.probabilities, left)
     attribution = replace(attribution, roles=claimed(judgement, attribution, sizes))
-    asked, bent, unusual = climbed.asked, climbed.bent, climbed.unusual
-    forms = forms_of(judgement, attribution, asked, bent, unusual, settings.verdict)
+    forms = forms_of(judgement, attribution, climbed.asked, climbed.bent, settings.verdict)
     doubts = tuple(doubts_of(judgement, attribution, forms, sizes, comparison.black_box, settings))
     verdict = verdict_of(judgement, attribution, doubts, settings, question.run.known)
     if verdict == "unknown":

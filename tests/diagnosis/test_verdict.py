@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.judging import Attribution, Tried, claimed, doubts_of, forms_of, verdict_of
+from gpsim.diagnosis.judging import Attribution, Tried, claimed, doubts_of, verdict_of
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 from gpsim.effects import EffectParameter, Term
 from gpsim.findings import BlackBox, Estimate, Explained, Odds, Share
@@ -43,7 +43,6 @@ def judgement(terms=("a",), rivals=(), structured=True, ranking=()):
     )
 
 
-ALL = attribution(Share(1.0, 1.0, 1.0))
 SIZE = {"gain": Estimate(0.8, 0.78, 0.82, "1")}
 
 
@@ -74,17 +73,6 @@ def verdict(*given, **named):
 )
 def test_the_explained_share_decides(share, form, rivals, right):
     assert verdict(judgement(rivals=rivals), attribution(share), (form,)) == right
-
-
-def test_an_unusual_law_must_follow_what_it_is_named_for():
-    structure, chance, left = judgement(), judgement(structured=False), attribution(Share(0.98, 0.97, 0.99))
-    for judged, worth, form in (
-        (structure, left, "approximate"),
-        (chance, left, "untested"),
-        (structure, ALL, "untested"),
-    ):
-        assert forms_of(judged, worth, (), (), {("actuator_gain", "a")}, Settings().verdict) == (form,)
-    assert forms_of(structure, left, (), (), (), Settings().verdict) == ("untested",)
 
 
 @pytest.mark.parametrize(("share", "p_value", "odds"), [(0.95, 1e-9, 3), (0.999, 1e-9, 50), (0.95, 0.5, 1e6)])

@@ -84,25 +84,22 @@ def forms_of(
     attribution: Attribution,
     asked: Collection[tuple[str, str]],
     bent: Collection[tuple[str, str]],
-    unusual: Collection[tuple[str, str]],
     settings: VerdictSettings,
 ) -> tuple[Form, ...]:
     """Whether laws hold: where a curve of their own input was asked for, and none counts at their place.
 
-    What is usual on a machine is told though it is never quite so; what is not must follow what it is named for: no
-    curve bends beside it (bent), and what is surely left and structured is no more than `follows` of it.
-    asked: place and input of every curve that was; bent, unusual: laws by family and place.
+    What is usual on a machine is told though it is never quite so; what is not must follow what it is named for.
+    asked: place and input of every curve that was; bent: family and place of unusual laws beside which a curve bends.
     """
     terms, out = judgement.leader.hypothesis.terms, list[Form]()
-    left, most = 1.0 - _at_most(attribution.share), 1.0 - settings.nearly_all
+    most = 1.0 - settings.nearly_all
     every = list(zip(terms, attribution.importance, attribution.roles, strict=True))
     curves = [
         (t.on, s.share > most or r == "headline") for t, s, r in every if isinstance(t.effect, Measured)
     ]
-    for term, does, _ in every:
+    for term in terms:
         tested = (term.on, term.effect.function_of) in asked
-        misses = term.identity in unusual and judgement.structured and left > settings.follows * does.share
-        rough = misses or term.identity in bent or (tested and (term.on, True) in curves)
+        rough = term.identity in bent or (tested and (term.on, True) in curves)
         out.append("approximate" if rough else "holds" if tested else "untested")
     return tuple(out)
 

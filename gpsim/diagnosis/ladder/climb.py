@@ -43,7 +43,7 @@ class Climbed:
     """What a climb found.
 
     question: as it was asked in the end; curves: of the account; asked: place and input of every curve that was tried;
-    unusual: laws that are, by family and place, and bent: those of them beside which a curve bends.
+    bent: unusual laws that do not follow what they are named for, by family and place.
     """
 
     question: PreparedProblem
@@ -51,7 +51,6 @@ class Climbed:
     curves: Mapping[tuple[str, str, str], MeasuredCurve]
     asked: frozenset[tuple[str, str]]
     bent: frozenset[tuple[str, str]]
-    unusual: frozenset[tuple[str, str]]
 
 
 def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Climbed:
@@ -94,10 +93,7 @@ def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Cli
         frozenset(one.of for one in inputs(simulator, offers)) if run.settings.curves.most else frozenset()
     )
     bent = frozenset(law.key[:2] for law in laws.laws if not law.usual and law.candidate.place.on in bends)
-    # What a robot's usual laws leave hides whether another one follows.
-    least = search.numbers.unusual
-    unusual = frozenset(law.key[:2] for law in laws.laws if law.price >= least and not search.dear)
-    return Climbed(*_finished(question, search, laws), curves, asked, bent, unusual)
+    return Climbed(*_finished(question, search, laws), curves, asked, bent)
 
 
 def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:

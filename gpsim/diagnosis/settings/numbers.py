@@ -198,12 +198,6 @@ class VerdictSettings:
     )
     stands_out: float = setting(2.0, "1", "error of the base relative to the noise, in a channel that counts")
     black_box: float = setting(0.25, "1", "share of the error removed by a black box that makes it `partial`")
-    follows: float = setting(
-        2.5e-3,
-        "1",
-        "share of an unusual law's effect that may be left if it holds",
-        "5 % of it, root mean square",
-    )
     outside: float = setting(
         0.05, "1", "share of an effect that is left if an unknown law is as likely in its place",
         "tuning seed 2071: wrong names on 3 of 50 worlds outside the catalogue, 21 before",
