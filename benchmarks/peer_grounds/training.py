@@ -92,9 +92,9 @@ SPLIT = (
 )
 CARTPOLE_REMARKS = """
 **Missed: gpsim is not ahead of a Gaussian process alone.** Its simulator is the target: it names Coulomb friction of
-0.9 and nothing else, as it is there, and its policies return the same in both. A process alone is as good here. What
-parts the two is the scatter of PPO: with five seeds, `gpsim run full-loop` has 377 (350 to 405) with a process, 373
-(344 to 401) with effects, and 369 (341 to 397) for a policy that is trained in the target itself
+0.9 and nothing else, as it is there, and its policies return the same in both. So PPO parts the two, and not the
+simulator: with five seeds, `gpsim run full-loop` has 377 (350 to 405) with a sampled process, 355 (324 to 384) with its
+mean, 373 (344 to 401) with effects, and 369 (341 to 397) for a policy that is trained in the target itself
 ([results](../results.md)).
 
 At a third of the steps (`GPSIM_TRAINING_SHARE=0.3333`, five seeds) no policy has finished learning: gpsim 145, domain
