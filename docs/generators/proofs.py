@@ -33,17 +33,15 @@ def proofs_page() -> str:
 
 def seeds_page() -> str:
     """The comparison, and where each seed's tables and misses are."""
-    link = "[Every table and every miss](../../benchmarks/proofs.md)."
-    return _page(
-        HEAD.replace("METHOD/", "").replace("HOW_TO", "../how-to"),
-        lambda record: f"## Seed {record['seed']}\n\n{link}",
-    )
+    head = HEAD.replace("METHOD/", "").replace("HOW_TO", "../how-to")
+    return _page(f"{head}\n\n[Every table and every miss of each seed](../../benchmarks/proofs.md).")
 
 
-def _page(head: str, section_of) -> str:
+def _page(head: str, section_of=None) -> str:
     records = [json.loads(p.read_text(encoding="utf-8")) for p in RECORDS.glob("*.json")]
     records.sort(key=lambda record: -record["seed"])
-    parts = [head, "## All of them", _comparison(records), NOTE, *map(section_of, records)]
+    parts = [head, "## All of them", _comparison(records), NOTE]
+    parts += map(section_of, records) if section_of else []
     return "\n\n".join(parts) + "\n"
 
 
