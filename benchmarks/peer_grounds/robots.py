@@ -72,7 +72,7 @@ def joint_by_joint(cells: Sequence[dict[str, Any]]) -> str:
 ROBOTS_REMARKS = """
 On so101-1 gpsim is behind: from this training part it names a spring at the wrist, which hardly moves, and the softer
 servos of two joints, instead of the friction in all joints. On tx40-1 it is ahead after 0.2 s and behind after 1 s. On
-xl330-1 it is ahead, and takes five times as long. Everything free on so101-1 takes many minutes and was not run.
+xl330-1 it is ahead, and takes five times as long. Everything free was not run on so101-1.
 """
 
 
