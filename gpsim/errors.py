@@ -18,6 +18,8 @@ class UsageError(Exception):
     def __init__(self, message: object = "", *, table: Iterable[str] = ()) -> None:
         super().__init__(message)
         self.table = tuple(table)
+        if self.table:
+            self.add_note("\n".join(self.table))  # which Python shows below the message
 
     def __str__(self) -> str:
         line = " ".join(super().__str__().splitlines())

@@ -278,7 +278,7 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
     (tmp_path / "log.csv").write_bytes((folder / "recording.csv").read_bytes())
     result = CliRunner().invoke(app, ["diagnose", str(tmp_path / "log.csv"), "--out", str(tmp_path / "o")])
     assert isinstance(result.exception, UsageError)
-    assert "--simulator" in str(result.exception)
+    assert "--simulator" in " ".join(result.exception.table)
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_a_dead_sensor_and_a_recording_in_which_nothing_moves_are_refused():
     simulator = make_simulator("slider")
     dead = with_states(recording, lambda s: s * [1.0, 0.0])
     with pytest.raises(
-        UsageError, match="channel q_dot is constant \\(0\\) .* while q moves: check the sensor"
+        UsageError, match="channel q_dot is constant \\(0\\) .* while q moves; check the sensor"
     ):
         prepared(dead)
     with pytest.raises(UsageError, match="nothing moves: q, q_dot never change from episode 0 to episode 4"):

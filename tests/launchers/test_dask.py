@@ -152,7 +152,7 @@ def test_keys_for_other_machines_lie_in_a_folder_of_ones_own(tmp_path):
 
 
 def test_a_tls_scheduler_without_a_certificate_is_one_line():
-    with pytest.raises(UsageError, match=r"tls://127\.0\.0\.1:9: .*distributed\.comm\.tls\.ca-file"):
+    with pytest.raises(UsageError, match=r"tls://127\.0\.0\.1:9 .*distributed\.comm\.tls\.ca-file"):
         run("tls://127.0.0.1:9", [Task("t", partial(doubled, 1))])
 
 

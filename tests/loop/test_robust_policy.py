@@ -97,7 +97,7 @@ def test_what_is_drawn_to_be_driven_is_what_was_drawn_to_be_trained(tmp_path):
     [
         (("robustness=posterior", "correction=gp"), 4.0, True, "choose correction=effects"),
         (("robustness=maybe",), 4.0, True, "robustness: 'maybe' is not one of none, posterior"),
-        (("robustness=posterior",), float("nan"), True, "singular"),
+        (("robustness=posterior",), float("nan"), True, "does not determine"),
         (("robustness=posterior",), 4.0, False, "diagnose the recording again"),
     ],
 )

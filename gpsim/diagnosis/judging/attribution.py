@@ -106,6 +106,9 @@ def _only(hypothesis: Hypothesis, kept: Sequence[int]) -> Hypothesis:
     return hypothesis
 
 
+NEGLIGIBLE = (
+    0.01  # share of the mismatch: with so little left, a law in the place of another one is the same law
+)
 SEED = 2040  # of the draws: the same account is judged alike, whoever asks
 
 
@@ -136,7 +139,7 @@ class Attribution:
         A law that no catalogue has could then stand in its place: the likelier, the more is left beside what it does.
         """
         left, surely = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0)
-        if odds.nats is None or p_value >= settings.chance or min(left, surely) <= 0.0:
+        if odds.nats is None or p_value >= settings.chance or left <= NEGLIGIBLE or surely <= 0.0:
             return odds
         most = math.log(max(settings.odds, settings.outside * self.importance[index].share / left))
         return Odds(round(most, 2), ()) if odds.nats > most else odds
