@@ -109,7 +109,8 @@ def test_what_no_message_names_is_asked_for(tmp_path):
     bag = write_bag(tmp_path / "a.mcap", "mcap", {"/joint_states": states()})
     with pytest.raises(UsageError, match="assign the columns") as caught:
         decide(RawLog(bag, "gpsim import", robot))
-    assert "\n" not in str(caught.value) and "m1=COLUMN m2=COLUMN" in " ".join(caught.value.table)
+    assert "\n" not in str(caught.value)
+    assert "m1=COLUMN m2=COLUMN" in " ".join(caught.value.table)
     words = ("m1=velocity[name=shoulder]", "m2=none")
     read = decide(RawLog(bag, "gpsim import", robot, words=words))
     assert read.raw["action"]["m1"]["field"] == "velocity[name=shoulder]"
