@@ -255,7 +255,8 @@ class Shooting:
                 if not len(move):
                     break
             if released:
-                attempts = ALONE if self._dear else 1
+                many = self._dear and (len(own.parameters) or rounds < ALONE)  # else rounds are attempts
+                attempts = ALONE if many else 1
                 point, per_window = self.starts_alone(point, slopes, per_window, attempts)
                 point = self._lifted(point)
             still = still + 1 if before - point.cost < tolerance else 0

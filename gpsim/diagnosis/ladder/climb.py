@@ -32,6 +32,7 @@ from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH_OF_A_ROBOT = 3  # rounds of the last fit, where each is dear
+RANKED = 6  # accounts of a robot that are judged on held-out windows, too, beside the leader
 ZERO = "joint_offset"
 WITHOUT = 4  # rounds of the fit of an account with one law less
 
@@ -221,14 +222,14 @@ def _with_held_curves(hypothesis: Hypothesis) -> Hypothesis:
 def _ranking(search: Search, leader: Hypothesis) -> list[Tried]:
     """All that was tried on the last grid, the leader first, then the best first, one of the same claims each."""
     own, mine = search.score(search.account), None
-    found = {_key(leader): Tried(leader, 0.0)}
+    found, checked = {_key(leader): Tried(leader, 0.0)}, RANKED if search.dear else len(search.tried)
     for account in sorted(search.tried, key=search.score):
         hypothesis = told(account)
         key, behind = _key(hypothesis), search.score(account) - own
-        if key in found or not hypothesis.terms:
+        if key in found or not hypothesis.terms or (behind < 0 and len(found) > checked):
             continue
         refused = ""
-        if behind < search.verdict.tie:
+        if behind < search.verdict.tie and len(found) <= checked:
             mine = search.later(search.account) if mine is None else mine
             after = search.later(account) - mine
             behind = max(behind + after, after) if behind + after > 0 else behind
