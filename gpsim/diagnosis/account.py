@@ -154,7 +154,7 @@ def _effects(
         if found is judgement.leader:
             effect = replace(
                 effect,
-                odds=odds if robot else worth.told(odds, i, judgement.p_value, problem.run.settings.verdict),
+                odds=odds if robot else worth.told(odds, judgement.p_value, problem.run.settings.verdict),
                 evidence_gain=judgement.gains[i],
                 explains=worth.importance[i].share,
                 importance=_part(worth.importance[i], term),

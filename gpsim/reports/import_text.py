@@ -85,7 +85,7 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
     unknown = not typed.named and any(name in found.missing for name in found.system.state.names)
     name = PurePath(shlex.split(typed.path)[0]).name
     looks = "" if typed.named or unknown else f" that looks like {found.system.name}"
-    line = f"{name}: a raw log{looks}; assign the columns or edit a mapping, with one of the commands shown"
+    line = f"{name}: a raw log{looks}; assign the columns or edit a mapping, by one of the commands shown"
     others = ", ".join(n for n in SIMULATORS if n != found.system.name)
     if unknown:
         made = [SIMULATORS[name]() for name in SIMULATORS]

@@ -133,15 +133,14 @@ class Attribution:
         """What is explained over all channels that count."""
         return self.explained.rollout or Share(0.0)
 
-    def told(self, odds: Odds, index: int, p_value: float, settings: VerdictSettings) -> Odds:
-        """The odds of a term as they may be told where chance, by a p_value, would not leave what the account leaves.
+    def told(self, odds: Odds, p_value: float, settings: VerdictSettings) -> Odds:
+        """Odds as they may be told where chance, by a p_value, would not leave what the account leaves.
 
-        A law that no catalogue has could then stand in its place: the likelier, the more is left beside what it does.
+        A law that no catalogue has could then stand in the place of each of its own.
         """
-        left, surely = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0)
+        left, surely, most = 1.0 - self.share.share, 1.0 - (self.share.high or 0.0), math.log(settings.odds)
         if odds.nats is None or p_value >= settings.chance or left <= NEGLIGIBLE or surely <= 0.0:
             return odds
-        most = math.log(max(settings.odds, settings.outside * self.importance[index].share / left))
         return Odds(round(most, 2), ()) if odds.nats > most else odds
 
 

@@ -198,10 +198,6 @@ class VerdictSettings:
     )
     stands_out: float = setting(2.0, "1", "error of the base relative to the noise, in a channel that counts")
     black_box: float = setting(0.25, "1", "share of the error removed by a black box that makes it `partial`")
-    outside: float = setting(
-        0.05, "1", "share of an effect that is left if an unknown law is as likely in its place",
-        "tuning seed 2071: wrong names on 6 of 50 worlds outside the catalogue, 21 before",
-    )  # fmt: skip
     implausible: float = setting(
         2.0, "1", "factor outside the usual range above which the verdict is not `named`"
     )
