@@ -70,9 +70,10 @@ def joint_by_joint(cells: Sequence[dict[str, Any]]) -> str:
 
 
 ROBOTS_REMARKS = """
-On so101-1 gpsim is behind: from this training part it names a spring at the wrist, which hardly moves, and the softer
-servos of two joints, instead of the friction in all joints. On tx40-1 it is ahead after 0.2 s and behind after 1 s. On
-xl330-1 it is ahead, and takes five times as long. Everything free was not run on so101-1.
+On xl330-1 gpsim is behind, and no better than the original model: from this training part it names other gains of the
+servo and a rotor, instead of the friction. On tx40-1 it is ahead after 0.2 s and behind after 1 s. Everything free was
+not run on so101-1. The rows of so101-1 and xl330-1 are newer than the others: a few effects now replace those of all
+joints only if they explain every channel.
 """
 
 
