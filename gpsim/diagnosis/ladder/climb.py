@@ -106,11 +106,8 @@ def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
         sized = by_inverse_dynamics(question.everything, question.recording, offers)
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         # An encoder's zero is as likely to be off as an amplifier's, where rows do not ask for all of one of them.
-        zeros = [law.candidate.family == ZERO for law in laws]
-        laws = [
-            replace(law, of_row=False, price=0.0 if zero else law.price)
-            for law, zero in zip(laws, zeros, strict=True)
-        ]
+        prices = [0.0 if law.candidate.family == ZERO else law.price for law in laws]
+        laws = [replace(law, of_row=False, price=p) for law, p in zip(laws, prices, strict=True)]
         few = Search(question.searched, question.held_out, laws)
         few.only_few = few_suffice(few)
         if few.only_few:

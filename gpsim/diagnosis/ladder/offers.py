@@ -57,18 +57,16 @@ class Offers:
         """What each gains where it is simulated: at its size, and at the one that the way there then promises."""
         lines, out = Lines(self.slopes, self._fit), []
         for offer in offers:
-            law, none = offer.law, offer.law.candidate.declared[at_nothing(offer.law)[1]].none
-            first, best = at_nothing(law)[1], Offer(0.0, law, offer.values)
+            law, values, looks = offer.law, list(offer.values), [replace(offer, gain=0.0)]
+            first = at_nothing(law)[1]
+            size = law.candidate.declared[first]
             for _ in range(LOOKS):
-                change = self._started([replace(law, starts=(offer.values,))], self._fit)[:, :, 0]
-                best = max(
-                    best, replace(offer, gain=lines.gain(self.slopes.r + change)), key=lambda o: o.gain
-                )
+                change = self._started([replace(law, starts=(tuple(values),))], self._fit)[:, :, 0]
+                looks.append(Offer(lines.gain(self.slopes.r + change), law, tuple(values)))
                 _, times = lines.along(-change)
-                p, size = law.candidate.declared[first], none + times * (offer.values[first] - none)
-                own = (*offer.values[:first], float(np.clip(size, p.low, p.high)), *offer.values[first + 1 :])
-                offer = replace(offer, values=own)
-            out.append(best)
+                secant = size.none + times * (values[first] - size.none)
+                values[first] = float(np.clip(secant, size.low, size.high))
+            out.append(max(looks, key=lambda o: o.gain))
         return out
 
     def lost(self, gone: slice, part: Fit) -> float:
