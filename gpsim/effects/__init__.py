@@ -34,6 +34,7 @@ from gpsim.effects.effect import (
 )
 from gpsim.effects.elastic import transmitted, turned, twisted
 from gpsim.effects.families.actuators import ActuatorLag
+from gpsim.effects.families.models import passed_on
 from gpsim.effects.families.sensors import SensorLag
 from gpsim.effects.forces import bend_key
 from gpsim.effects.late import LateEffect, even

@@ -75,7 +75,8 @@ class Place:
     nan where nobody looked; stands: whether a channel's readings stand at either end; trails: whether a channel trails
     the position or the speed that it goes with; silent: the least reading of a channel that has zeros and nothing
     between, and how far apart such readings are; ripples: (period, phase) of what a scan over a coordinate's positions
-    found. speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's step [s].
+    found; read: whether a channel was measured; feeds: whether another rises with it. speed: the typical speed of a
+    coordinate, or of the one that an action drives. dt: the recording's step [s].
     loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of a difference from it
     where that is what counts (`additive`). inertia: what an action has to move, command over acceleration. centre: of
     a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be less in
@@ -103,6 +104,8 @@ class Place:
     trails: bool = True
     silent: tuple[float, float] | tuple[()] = ()
     ripples: tuple[tuple[float, float], ...] = ()
+    read: bool = True
+    feeds: bool = False
 
     @property
     def longest_delay(self) -> float:

@@ -93,6 +93,11 @@ class MjcfSimulator(Simulator):
         return _again, (source.reference, source.digest, self.state, *how)
 
     @property
+    def levels(self) -> tuple[str, ...]:
+        """None: whatever a model has beside joints, it integrates itself."""
+        return ()
+
+    @property
     def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
         """Of a motor the torque that was measured at its joint, JOINT_tau, or ACTUATOR_tau: it drove the joint.
 

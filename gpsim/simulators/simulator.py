@@ -105,6 +105,11 @@ class Simulator(ABC):
     )  # of families that few simulators know
 
     @property
+    def levels(self) -> tuple[str, ...]:
+        """States of the first order, whose rate is their own: neither coordinates nor velocities."""
+        return tuple(n for n in self.state.names if f"{n}_rate" in self.rate.names)
+
+    @property
     def stand_ins(self) -> Mapping[str, tuple[str, ...]]:
         """Of an action without a column of its own, columns of a log that may stand for it."""
         return {}

@@ -294,7 +294,7 @@ def test_every_family_states_its_law_its_units_and_where_it_comes_from(family):
     on = next((place for simulator in simulators for place in effect.places(simulator)), None)
     if on is None:  # of models of bodies (tests/mjcf), or of a user's simulator of the first order
         on = "q"
-        assert effect.acts_on or family == "overflow"
+        assert effect.acts_on or family in ("overflow", "spillover")
     assert all(p.unit for p in effect.parameters(Place(on, "N")))
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import gpsim
@@ -342,3 +344,61 @@ def test_a_vessel_that_is_full_is_said_to_overflow():
     # The readings are cut off there, too.
     assert [e.family for e in found.effects] in (["overflow"], ["overflow", "sensor_saturation"])
     assert found.effects[0].parameters["rim"].value == pytest.approx(12.0, abs=0.02)
+
+
+def vessels(state, action, p):
+    """Two vessels, the upper of which drains into the lower one."""
+    upper, lower = (np.sqrt(np.maximum(state[name], 0.0)) for name in ("upper", "lower"))
+    return {
+        "upper": p["inflow"] * action["pump"] - p["through"] * upper,
+        "lower": p["through"] * upper - p["away"] * lower,
+    }
+
+
+def two_vessels():
+    numbers = {"inflow": 0.1, "through": 0.1, "away": 0.1}
+    return gpsim.load_simulator(
+        vessels,
+        state={"upper": "m", "lower": "m"},
+        action={"pump": "V"},
+        parameters={name: ("1", value, 0.0, 1.0) for name, value in numbers.items()},
+        start={"upper": 3.0},
+    )
+
+
+@given(
+    upper=st.floats(1.0, 9.0), lower=st.floats(0.1, 9.0), pump=st.floats(0.0, 9.0), rim=st.floats(1.0, 9.0)
+)
+def test_what_spills_into_the_next_vessel_is_lost_to_none(upper, lower, pump, rim):
+    """The water of both vessels changes by what comes in and goes away, with a rim as without one."""
+    base, numbers = two_vessels(), {"inflow": 0.1, "through": 0.1, "away": 0.1}
+    at, command, known = np.array([[upper, lower]]), np.array([[pump]]), {"rim": np.array([rim])}
+    for family, lost in (("spillover", False), ("overflow", True)):
+        added = FAMILIES[family].added(base, at, command, numbers, known, "upper")
+        rising = max(float(base.rates(at, command, numbers)[0, 0]), 0.0)
+        assert added[0, 0] == pytest.approx(-rising if upper >= rim else min(added[0, 0], 0.0))
+        assert added.sum() == pytest.approx(added[0, 0] if lost else 0.0, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_an_upper_vessel_that_nobody_measured_is_said_to_overflow_into_the_next():
+    base, rng, dt, rim = two_vessels(), np.random.default_rng(3), 2.0, 5.0
+    pump = np.repeat(rng.uniform(0.0, 4.0, 60), 20)
+    upper, lower, read = 2.0, 2.0, [2.0]
+    for u in pump:
+        for _ in range(200):  # the level is held at the rim, and what comes in too much goes on
+            through, away = 0.1 * np.sqrt(upper), 0.1 * np.sqrt(lower)
+            risen = upper + dt / 200 * (0.1 * u - through)
+            lower += dt / 200 * (through - away) + max(risen - rim, 0.0)
+            upper = min(risen, rim)
+        read.append(lower)
+    noisy = np.array(read) + rng.normal(0.0, 0.01, len(read))
+    recording = gpsim.recording_from_frame(
+        pd.DataFrame({"t": dt * np.arange(len(read)), "lower": noisy, "pump": np.append(pump, pump[-1])}),
+        {"lower": "m", "pump": "V"},
+        base,
+        dt=dt,
+    )
+    (found,) = gpsim.diagnose(recording, base).effects
+    assert (found.family, found.place) == ("spillover", "upper")
+    assert found.parameters["rim"].value == pytest.approx(rim, rel=0.05)

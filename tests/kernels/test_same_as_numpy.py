@@ -208,7 +208,9 @@ def test_threads_make_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 OF_BODIES = {f for f, e in FAMILIES.items() if isinstance(e, ModelEffect)}  # simulators own their steps
-COMPILED = set(FAMILIES) - OF_BODIES - {"overflow"}  # which acts on users' own simulators, in Python anyway
+COMPILED = (
+    set(FAMILIES) - OF_BODIES - {"overflow", "spillover"}
+)  # which acts on users' own simulators, in Python anyway
 
 
 def test_which_families_are_compiled() -> None:

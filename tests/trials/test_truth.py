@@ -138,7 +138,7 @@ def test_no_kind_outside_is_a_family_of_the_catalogue():
     from gpsim.effects import FAMILIES
 
     of_models = {family for family, effect in FAMILIES.items() if effect.acts_on}  # drawn for robots
-    of_users = {"overflow"}  # acts on simulators of the first order, which no world has
+    of_users = {"overflow", "spillover"}  # acts on simulators of the first order, which no world has
     assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
     assert not set(out_of_catalogue.KINDS) & set(FAMILIES)
     assert set(catalogue.SMOOTH) | set(catalogue.GRIP) | set(catalogue.TWIST) <= set(FAMILIES)

@@ -77,6 +77,8 @@ USUAL: Mapping[str, Mapping[str, str]] = {
         "actuator_gain": "the constant of a pump comes from a data sheet",
         "actuator_delay": "pipes, buses and drivers cause delays",
         "sensor_bias": "the zero of a sensor is set by hand",
+        "overflow": "vessels have rims",
+        "spillover": "vessels have rims, and one stands below the other",
     },
 }
 """Kind of machine -> family -> why it is usual there."""

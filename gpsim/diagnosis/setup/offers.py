@@ -5,7 +5,7 @@ And which families the recording cannot show: what they need does not happen in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -22,16 +22,19 @@ OF_JOINTS = ("viscous_friction", "coulomb_friction", "stribeck_friction", "const
 
 
 def candidates(
-    recording: Recording, simulator: Simulator, parameters: Mapping[str, float]
+    recording: Recording,
+    simulator: Simulator,
+    parameters: Mapping[str, float],
+    hidden: Collection[str] = (),
 ) -> list[Candidate]:
-    """All terms that may be missing, in the catalogue's order.
+    """All terms that may be missing, in the catalogue's order. hidden: channels that nobody measured.
 
     Of the ground only what something touches in the recording is asked; of what says where a body floats neither
     friction nor a rotor; of a body that stands on something neither drag nor wind.
     """
     states = np.concatenate([e.states for e in recording.episodes])
     untouched, stands = simulator.untouched(states), simulator.stands(states)
-    sizes = Sizes(recording, simulator, parameters)
+    sizes = Sizes(recording, simulator, parameters, hidden)
     out = []
     for effect in FAMILIES.values():
         for on in effect.places(simulator):
@@ -55,7 +58,7 @@ def offers_of(question: PreparedProblem) -> list[Candidate]:
     known, parameters = problem.run.known, problem.parameters
     offers = [
         c
-        for c in candidates(question.recording, problem.simulator, parameters)
+        for c in candidates(question.recording, problem.simulator, parameters, question.hidden)
         if _is_read(question, c)
         and _shows(effect_of(c.family), c.place.on, question.sight.still.get(c.place.on), question.whole)
     ]

@@ -134,13 +134,14 @@ def prepare(
     if system is not None:
         simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)
-    training, held = _split(seen, observed, settings)
+    lasting = bool(set(hidden) & set(simulator.levels))
+    training, held = _split(seen, observed, settings, lasting)
     made = partial(_problem, simulator, parameters, hidden, log, run)
     problem = made(seen, training)
     if system is None and hidden:
         # Else speeds are known from positions better than from a base that lacks much.
         seen = smoothed(problem, seen, Hypothesis(), hidden)
-        training, held = _split(seen, observed, settings)
+        training, held = _split(seen, observed, settings, lasting)
         problem = made(seen, training)
     searched, fitted, fewest = settings.windows.searched, settings.windows.fitted, settings.windows.fewest
     if training.length != _length(seen, settings):
@@ -188,8 +189,14 @@ def _check_length(recording: Recording) -> None:
     raise NoDiagnosis(f"{short}; record more")
 
 
-def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tuple[Windows, Windows]:
-    """Windows to learn from and held-out ones."""
+def _split(
+    recording: Recording, observed: BoolArray, settings: Settings, lasting: bool
+) -> tuple[Windows, Windows]:
+    """Windows to learn from and held-out ones.
+
+    lasting: whether a level is hidden. It begins anew in every window, and follows from no other channel's change, so
+    that short windows can explain anything by it: they are as long as can be.
+    """
     length, prepared = _length(recording, settings), settings.windows
     training, held = _parted(recording, length, settings)
     if recording.held_out is not None and recording.held_out.share != 0.0 and not len(held):
@@ -203,6 +210,15 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
             f"{training.length} to learn from, {prepared.fewest} are needed; record more, or hold out less"
         )
     twice = LONGER_WINDOWS * length
+    while lasting:
+        longer, later = _parted(recording, LONGER_WINDOWS * training.length, settings)
+        if (
+            len(longer) < prepared.fewest
+            or bool(len(later)) != bool(len(held))
+            or longer.valid.mean() < LEAST_FILLED
+        ):
+            return training, held
+        training, held = longer, later
     if twice <= settings.windows.longest and _noisy(recording, training, observed):
         longer, later = _parted(recording, twice, settings)
         enough = len(longer) >= ENOUGH_LONGER and bool(len(later)) == bool(len(held))

@@ -9,7 +9,7 @@ the depth behind the edge are held against what is missed, one edge after anothe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import integral
 from gpsim.diagnosis.setup.log_facts import stands, unread
-from gpsim.effects import Effect, Place
+from gpsim.effects import Effect, Place, passed_on
 from gpsim.recordings import Recording, Transitions, evenly
 from gpsim.simulators import ModelPlace, Simulator
 
@@ -74,7 +74,14 @@ def apart(simulator: Simulator, fewest: int, *states: FloatArray) -> BoolArray:
 class Sizes:
     """The places of effects, with how large things typically are there in a recording."""
 
-    def __init__(self, recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        simulator: Simulator,
+        parameters: Mapping[str, float],
+        hidden: Collection[str] = (),
+    ) -> None:
+        """hidden: channels that nobody measured."""
         rows = recording.transitions()
         rows = rows.take(evenly(len(rows), ROWS_OF_SIZES))
         rows = rows.take(apart(simulator, FEWEST_WITHOUT_CONTACT, rows.states, rows.next_states))
@@ -83,7 +90,7 @@ class Sizes:
         self._joints = self._of_joints(rows)
         clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
         self._actions = self._of_actions(rows, max(clock) - min(0.0, min(clock)))
-        self._channels = self._of_channels(rows, _trailing(recording, simulator))
+        self._channels = self._of_channels(rows, _trailing(recording, simulator), hidden)
 
     def place(self, effect: Effect, on: str) -> Place:
         """The place `on` of an effect's site."""
@@ -171,22 +178,30 @@ class Sizes:
             out[on] = place
         return out
 
-    def _of_channels(self, rows: Transitions, late: set[str]) -> dict[str, Place]:
+    def _of_channels(self, rows: Transitions, late: set[str], hidden: Collection[str]) -> dict[str, Place]:
         """late: the channels that trail the position or the speed that they go with."""
         state = self._simulator.state
         return {
             on: Place(
                 on,
                 state.units[on],
-                span=max(float(deviation), TINY),
+                span=max(abs(self._simulator.start.get(on, 1.0)) if on in hidden else float(deviation), TINY),
                 dt=self._dt,
                 visited=(float(read.min()), float(read.max())),
                 stands=stands(read),
                 trails=on in late,
                 silent=unread(read),
+                read=on not in hidden,
+                feeds=on in self._simulator.levels and self._feeds(rows, on),
             )
             for on, read, deviation in zip(state.names, rows.states.T, rows.states.std(axis=0), strict=True)
         }
+
+    def _feeds(self, rows: Transitions, on: str) -> bool:
+        """Whether what drains from a level goes somewhere."""
+        step = np.full(len(rows), max(float(np.ptp(rows.states[:, self._simulator.state.index(on)])), 1e-6))
+        said = passed_on(self._simulator, rows.states, rows.actions, self._parameters, on, step)
+        return bool((said > 0.0).any())
 
     def _of_parameter(self, on: str) -> Place:
         """With its bounds as shares of what is believed of it, which is always between them, or differences from it."""

@@ -12,6 +12,9 @@ from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Simulator
 
 STEEPEST = 1.5  # rad
+EDGE = 0.02  # of a rim, below it, within which a vessel begins to spill: a sharp one gives a fit no slope
+RIMS, HIGHEST = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 50.0
+"""Times the guess of a level that nobody measured, at which its rim is looked for, and the highest."""
 
 
 class ParameterOffset(ParameterEffect):
@@ -163,28 +166,67 @@ class Overflow(RateEffect):
     family = "overflow"
     sentence = "{on} overflows at {rim}"
     gated = False
+    passes_on = False  # does what flows over reach what the vessel drains into?
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """States whose rate is their own: neither a coordinate nor its velocity."""
-        if hasattr(simulator, "rolled"):  # it owns its integration (see `gpsim.effects.closed_step`)
-            return ()
-        return tuple(n for n in simulator.state.names if f"{n}_rate" in simulator.rate.names)
+        return simulator.levels
 
     def offers(self, place: Place, variant: str) -> bool:
         """Where readings stand at the highest."""
-        return variant == "" and place.stands[1]
+        return variant == "" and place.read and place.stands[1]
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Rim [the channel's]."""
-        return (place.reading_end("rim", highest=True),)
+        """Rim [the channel's]; of a level that nobody measured it is looked for from the guess of it onwards."""
+        if place.read:
+            return (place.reading_end("rim", highest=True),)
+        guess, starts = place.span, tuple(times * place.span for times in RIMS)
+        return (
+            EffectParameter("rim", place.unit, 0.0, HIGHEST * guess, starts, guess, place=True, falls=True),
+        )
 
     def added(
         self, simulator: Simulator, state: FloatArray, action: FloatArray,
         parameters: Mapping[str, float | FloatArray], values: Values, on: str,
     ) -> FloatArray:  # fmt: skip
-        """Minus what the full vessel would rise by."""
-        column, out = simulator.rate.index(f"{on}_rate"), np.zeros((len(state), len(simulator.rate)))
-        full = state[:, simulator.state.index(on)] >= values["rim"]
-        rising = np.maximum(simulator.rates(state, action, parameters)[:, column], 0.0)
-        out[:, column] = np.where(full, -rising, 0.0)
-        return out
+        """Minus what the full vessel would rise by, gradually over its edge; the same goes where it drains to."""
+        column, row = simulator.rate.index(f"{on}_rate"), simulator.state.index(on)
+        edge = EDGE * np.maximum(np.abs(values["rim"]), 1e-9)
+        full = np.clip((state[:, row] - values["rim"]) / edge + 1.0, 0.0, 1.0)
+        out = np.zeros((len(state), len(simulator.rate)))
+        if not full.any():
+            return out
+        rates = simulator.rates(state, action, parameters)
+        if self.passes_on:
+            out = passed_on(simulator, state, action, parameters, on, edge)
+        out[:, column] = -1.0
+        return out * (full * np.maximum(rates[:, column], 0.0))[:, None]
+
+
+class Spillover(Overflow):
+    """A spillover: what flows over a rim reaches what the vessel drains into, in the proportion of what drains.
+
+    Definition: as of an overflow, whose water is lost; a part of that of the cascaded tanks is not (Schoukens,
+    Mattsson, Wigren and Noel 2016). It is asked where another level rises with this one, of channels whose readings
+    stand at their highest value, and of levels that were not measured.
+    """
+
+    family = "spillover"
+    sentence = "{on} overflows at {rim} into what it drains into"
+    passes_on = True
+
+    def offers(self, place: Place, variant: str) -> bool:
+        """Where there is a next vessel: nobody knows of a hidden level where it stands."""
+        return variant == "" and place.feeds and (place.stands[1] or not place.read)
+
+
+def passed_on(
+    simulator: Simulator, state: FloatArray, action: FloatArray,
+    parameters: Mapping[str, float | FloatArray], on: str, step: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """(B, R) what every rate gains of each unit by which a level drains faster once it is a step higher."""
+    higher = np.array(state)
+    higher[:, simulator.state.index(on)] += step
+    gained = simulator.rates(higher, action, parameters) - simulator.rates(state, action, parameters)
+    drained = -gained[:, simulator.rate.index(f"{on}_rate")]
+    return np.maximum(gained / np.where(drained > 0.0, drained, np.inf)[:, None], 0.0)
