@@ -436,8 +436,9 @@ NUMBERS = (
     "rim_upper",
     "rim_lower",
     "spill",
+    "zero",
 )
-UNITS = ("V^0.5/s", "V^0.5/s", "1", "1/s", "1/s", "1/s", "V", "V", "1")
+UNITS = ("V^0.5/s", "V^0.5/s", "1", "1/s", "1/s", "1/s", "V", "V", "1", "V")
 PLAIN = (
     0.05,
     0.05,
@@ -448,15 +449,17 @@ PLAIN = (
     1e3,
     1e3,
     0.0,
-)  # Torricelli alone: no rims, no outflow in proportion
-STEPS = (0.01, 0.01, 0.1, 0.01, 0.003, 0.003, 1.0, 0.3, 0.2)  # how far each is looked for at first
+    0.0,
+)  # Torricelli alone: no rims, no outflow in proportion, no zero of the sensor
+STEPS = (0.01, 0.01, 0.1, 0.01, 0.003, 0.003, 1.0, 0.3, 0.2, 0.5)  # how far each is looked for at first
 RIMS = (5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 12.0)  # V, from which the upper rim is looked for
 VARIANTS: dict[str, tuple[int, ...]] = {
     "Torricelli": (0, 1, 2, 3),
     "with rims": (0, 1, 2, 3, 6, 7),
     "with rims that spill into the lower tank": (0, 1, 2, 3, 6, 7, 8),
     "with outflow in proportion": (0, 1, 2, 3, 4, 5),
-    "with all": tuple(range(9)),
+    "with an upper rim that spills and a zero of the sensor": (0, 1, 3, 6, 8, 9),
+    "with all but the zero": tuple(range(9)),
 }
 
 
@@ -464,7 +467,7 @@ def physics(task: Task) -> Answer:
     """Both levels from the pump: outflow by root and in proportion, rims, what spills; fitted to the whole record."""
     data = tanks()
     told = {name: physics_fit(data, list(free)) for name, free in VARIANTS.items()}
-    best, parameters = told["with all"]
+    best, parameters = told["with all but the zero"]
     tried = ", ".join(f"{name} {rmse(run, data):.3f} V" for name, (run, _) in told.items())
     return answer(
         data, best, parameters=tuple(parameters),
@@ -492,7 +495,7 @@ def physics_fit(data: Data, free: list[int]) -> tuple[Floats, list[Parameter]]:
     fits = []
     for rim in RIMS if 6 in free else RIMS[:1]:
         first = np.array(PLAIN)
-        first[6:] = rim, 10.3, 0.3
+        first[6:9] = rim, 10.3, 0.3
         begin = np.concatenate([first[free], [4.0, data.y[0]]])
         size = np.concatenate([np.array(STEPS)[free], [1.0, 0.1]])
         fits.append(least_squares(missed, begin, diff_step=1e-4, x_scale=size, max_nfev=300))
@@ -509,7 +512,7 @@ def levels(p: Floats, u: Floats, upper: float, lower: float, dt: float) -> Float
     """(K,) of the lower level as its sensor, which ends at 10 V, reads it; four Euler steps a sample. Compiled."""
     out, h = np.empty(len(u)), dt / 4
     for k in range(len(u)):
-        out[k] = min(lower, 10.0)
+        out[k] = min(lower - p[9], 10.0)
         for _ in range(4):
             through = p[0] * np.sqrt(max(upper, 0.0)) + p[4] * upper
             away = p[1] * np.sqrt(max(lower, 0.0)) + p[5] * lower
@@ -690,16 +693,22 @@ The networks had one seed and one to two minutes of processor time, far less tha
 are therefore a lower bound of their performance.
 """
 TANKS_REMARKS = """
-**Missed: gpsim is behind.** It names a bias of the level sensor, which fits short windows but not the whole record. The
-water that overflows is not in its account, because only the lower level is measured. Two attempts, both
-`gpsim.diagnose` with `families={"require": [...]}` on this split: requiring the three coefficients of the simulator
-keeps the bias, and the error is 1.13 V; requiring an overflow of the upper tank is refused, because its level is not
-measured.
+**Missed: gpsim is behind, and has 0.66 V instead of 0.45 V.** It names a larger outflow and the overflow of the lower
+tank, whose readings stand at 10 V, and says `partial`. That is as much as least squares make of Torricelli's law
+(0.667 V, in the methods below). Two attempts:
+
+- The level of the upper tank was not measured. It began anew in windows of 25 samples, and the error was 0.83 V. Now
+  windows are as long as can be where a level is hidden (here 200 samples), and a rim of the hidden level is looked for,
+  with the water lost or in the next tank (`spillover`). On a simulated pair of tanks it is named, within 0.1 %.
+- Here a spillover and a bias of the sensor would be enough: least squares of these laws have 0.36 V. gpsim does not name
+  them. What its account leaves is correlated over 20 samples, so that 800 samples count as 40, and the three
+  coefficients with a spillover are worth 0.9 nats more than what it names. The search does not find them, because they
+  are better only together.
 
 The last row of the table shows a model that is enough: outflow in proportion to the level, and an upper rim that spills
-into the lower tank. The catalogue has neither: the water of its own overflow is lost. The numbers describe a curve of
-outflow and not an orifice: one coefficient is negative, and the unit of the upper level is arbitrary. This variant also
-has the smallest error on the estimation record, but it was chosen after the test errors of all variants were known.
+into the lower tank. The numbers describe a curve of outflow and not an orifice: one coefficient is negative, and the
+unit of the upper level is arbitrary. Of the variants in the methods below it has the smallest error on the estimation
+record, too, but it was chosen after the test errors of all variants were known.
 
 The networks had one seed and one to two minutes of processor time, far less than in their publications.
 """
