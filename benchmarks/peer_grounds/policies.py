@@ -12,7 +12,8 @@ the same algorithm, settings and seeds of network and environment, and is judged
   action; here, where a step of the simulator is cheap to invert, each transition's best added action is solved for and
   the network regresses on it. It sees what the Gaussian process sees, and the last commands where the robot is late;
 - a Gaussian process alone: the thesis's correction, sampled, with the experiment's inputs, delays and lags;
-- gpsim: the effects that the diagnosis named, and the Gaussian process on the rest where the diagnosis keeps one.
+- gpsim: the effects that the diagnosis named, and the Gaussian process on the rest where the diagnosis keeps one; and
+  the same with sizes of the effects that are drawn anew for every episode from what the diagnosis leaves open.
 """
 
 from __future__ import annotations
@@ -223,6 +224,8 @@ def plant_of(request: Request, task: str, peer: str) -> tuple[Plant, dict[str, A
     why = why_no_gp(found.path)
     asked = request.having(correction="effects" if why else "effects+gp")
     said: dict[str, Any] = {"account": diagnose_loop.sentences(found), "no Gaussian process": why}
+    if peer == "gpsim-posterior":
+        return train_gp_policy.posterior_plant(asked, found), said
     return train_gp_policy.effects_plant(asked, found), said
 
 

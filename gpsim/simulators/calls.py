@@ -168,13 +168,11 @@ def read_only(value: Any) -> Any:
 
     Of a mapping, as parameters are, a copy with such values.
     """
-    if isinstance(value, Mapping):
-        return {key: read_only(item) for key, item in value.items()}
-    if not isinstance(value, np.ndarray):
-        return value
-    view = value.view()
-    view.flags.writeable = False
-    return view
+    if isinstance(value, np.ndarray):
+        view = value.view()
+        view.flags.writeable = False
+        return view
+    return {k: read_only(v) for k, v in value.items()} if isinstance(value, Mapping) else value
 
 
 def guard(instance: Any, methods: tuple[str, ...], reference: str) -> None:
