@@ -41,9 +41,11 @@ PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a siz
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
 BODIES, NAMED = 2, 5.0  # that are off at most; nats by which each must describe forces better
 AGREED = 10.0  # deviations by blocks that a mass must have: what no model holds bends blocks apart by more than noise
-GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
+GAIN, LATE, MASS, STIFF, SLOW = "actuator_gain", "actuator_delay", ".mass", ".kp", ".kv"
+SLOWLY = 1e-3  # rad/s or m/s, at which no servo is at its limit
 DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
-ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
+VISCOUS = "viscous_friction"
+ROWS: Mapping[str, float] = {VISCOUS: 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
 WIDEST, MOSTLY = (-0.75, 3.0), 0.9  # the most that gains and masses are off; of what else a model has
@@ -160,11 +162,13 @@ class _Row:
     """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several.
 
     moment: 1 to 3 where that is times its place along an axis of its body, as of a payload; 4 to 6 times its square.
+    slowed: what the velocity gain of the joint's servo gives [N m s], by which it may be less than nothing.
     """
 
     candidate: Candidate
     joint: int
     moment: int = 0
+    slowed: float = 0.0
 
     @property
     def kind(self) -> str:
@@ -183,16 +187,17 @@ class _Row:
         if self.moment:
             far = p.high * self.candidate.place.reach**self.order
             return (-far if self.order == 1 else 0.0), far
-        return WIDEST if self.kind in OFF else (MOSTLY * p.low, p.high)
+        return WIDEST if self.kind in OFF else (MOSTLY * (p.low - self.slowed), p.high)
 
 
 class _Log:
     """A recording in pieces on an even clock, and what may be asked of it.
 
     at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets
-    of joints whose position was measured; kinds: what else may be off, one at a time: all motors' gains, or a mass (of
-    servos neither: what they give has no other measure than bodies); loads: what the last bodies may carry; dry: (C,)
-    the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
+    of joints whose position was measured; slowing: joint -> velocity gain of its servo; kinds: what else may be off,
+    one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than bodies);
+    loads: what the last bodies may carry; dry: (C,) the model's own dry friction, left out of it; pieces: episodes,
+    moments (N,), positions (N, Q).
     """
 
     def __init__(
@@ -205,12 +210,28 @@ class _Log:
         self.columns = list(system.positions)
         self.paths = [self.columns.index(column) for column in self.at]
         seen = {c.name: i for i, c in enumerate(coordinates) if problem.observed[self.at[i]]}
-        self.rows = [_Row(c, seen[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
         self.late = [c for c in candidates if c.family == LATE]
         self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
         drives = problem.simulator.drives
         driven = [*drives.values()]
         alone = {a: seen[on] for a, on in drives.items() if on in seen and driven.count(on) == 1}
+        self.slowing = {
+            alone[action]: c
+            for c in candidates
+            if c.place.on.endswith(SLOW) and (action := c.place.on.removesuffix(SLOW)) in alone
+        }
+        slowed = dict[tuple[str, str], float]()
+        if self.slowing:
+            slowly = np.zeros((2, len(problem.simulator.state)))
+            slowly[1, [index(c.velocity) for c in coordinates]] = SLOWLY
+            none = np.zeros((2, len(problem.simulator.action)))
+            given = problem.simulator.given(slowly, none, problem.parameters)
+            slowed = {(VISCOUS, on): float(still - slow) / SLOWLY for on, (still, slow) in given.items()}
+        self.rows = [
+            _Row(c, seen[c.place.on], slowed=slowed.get(c.identity, 0.0))
+            for c in candidates
+            if c.family in ROWS and c.place.on in seen
+        ]
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
@@ -481,6 +502,11 @@ class _Fit:
                 out[row.candidate.identity] = (*mass, float(np.clip(at, own.low, own.high))), (*sds, far)
             elif told and not row.moment and (row.kind != LOAD or size > 0.0):
                 out[row.candidate.identity] = (float(np.clip(value, p.low, p.high)),), (float(sd * slope),)
+                if (
+                    row.joint in log.slowing and row.slowed and value < p.low
+                ):  # the servo slows its joint by less than its model says
+                    ratio = float(1.0 + (value - p.low) / row.slowed), float(sd / row.slowed)
+                    out[log.slowing[row.joint].identity] = ratio[:1], ratio[1:]
         return out | {c.identity: ((stiff,), (ROUGHLY * stiff,)) for c in log.servos if stiff != 1.0}
 
 
