@@ -57,7 +57,8 @@ class Sized:
     """What inverse dynamics say: values of parameters by family and place, and their deviations by blocks of the log.
 
     delay: s, by how much all commands come late; share: of the squared force residual that the rows take off; rubs:
-    whether more than half of the joints surely rub dry.
+    whether more than half of the joints surely rub dry; as_believed: the same where servos are as stiff as the model
+    has them, if these are others.
     """
 
     values: Mapping[tuple[str, str], tuple[float, ...]]
@@ -65,12 +66,16 @@ class Sized:
     delay: float
     share: float
     rubs: bool
+    as_believed: Sized | None = None
 
 
-def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offers) -> Sized | None:
+def by_inverse_dynamics(
+    problem: Problem, recording: Recording, candidates: Offers, longer: Trials | None = None
+) -> Sized | None:
     """The usual rows of a simulator that owns its integration, sized by the forces of the whole recording.
 
-    None where they say nothing: too little was recorded, or something pushes all the time.
+    None where they say nothing: too little was recorded, or something pushes all the time. longer: simulations of what
+    is held out, without which servos are as stiff as short ones say.
     """
     simulator, system = problem.simulator, closed(problem.simulator)
     if system is None or not simulator.coordinates:
@@ -80,14 +85,16 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     every = [forces for band in bands if (forces := _Forces(log, band)).told >= FEWEST]
     if not every:
         return None
-    trials = _Trials(log)
+    trials = Trials(problem, candidates)
     best = trials.surest(fits := [forces.fitted() for forces in every])
     for joint in range(len(simulator.coordinates)):
         best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
     best = plain = trials.surest(fits := [fit.holding(best.held) for fit in fits])
     for ratios in STIFFNESS if log.servos else ():
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
-        best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
+        other = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
+        # In short ones a softer servo passes for dry friction, which holds for seconds what that lets go.
+        best = longer.better(other, [best], BETTER) if longer else other
     best = trials.better(best, best.later(), BETTER)
     every_place = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
     if with_bodies := [trials.better(fit, fit.later(), BETTER) for fit in every_place if fit.further]:
@@ -102,39 +109,54 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
         best = trials.better(best, more, SURELY)
     if best not in fits:
         best = trials.surest([best.again(forces) for forces in every])
-    values, deviations = ({on: v[i] for on, v in best.values.items()} for i in (0, 1))
-    share = 1.0 - float((best.left / best.was).mean())
-    dry = [row.candidate for row in log.rows if row.kind == DRY and row.candidate.identity in values]
+    return replace(_sized(best), as_believed=_sized(plain) if best.forces.stiff != 1.0 else None)
+
+
+def _sized(fit: _Fit) -> Sized:
+    """What a fit says."""
+    rows, values, deviations = (
+        fit.forces.log.rows,
+        *({on: v[i] for on, v in fit.values.items()} for i in (0, 1)),
+    )
+    share = 1.0 - float((fit.left / fit.was).mean())
+    dry = [row.candidate for row in rows if row.kind == DRY and row.candidate.identity in values]
     sure = [
         values[c.identity][0] > max(SURE * deviations[c.identity][0], DRY_ENOUGH * c.place.span) for c in dry
     ]
-    return Sized(values, deviations, best.late, share, 2 * sum(sure) > len(simulator.coordinates))
+    return Sized(values, deviations, fit.late, share, 2 * sum(sure) > len(fit.left))
 
 
-class _Trials:
-    """Short simulations: how far they miss measured positions, in what the base misses."""
+class Trials:
+    """Simulations of a problem's windows: how far they miss measured positions, in what the base misses."""
 
-    def __init__(self, log: _Log) -> None:
-        problem, every = log.problem.slopes, log.problem.windows
-        self._problem, self._candidates = problem.on(every.take(evenly(len(every), WINDOWS))), log.candidates
-        self._seen = [i for i in log.at if problem.observed[i]]
-        self._usual, self._errors = self._missed({}).mean(axis=0) + 1e-24, dict[_Fit, FloatArray]()
+    def __init__(self, problem: Problem, candidates: Offers) -> None:
+        every, index = problem.windows, problem.simulator.state.index
+        self._problem = problem.slopes.on(every.take(evenly(len(every), WINDOWS)))
+        self._candidates = [c for c in candidates if not c.variant]
+        at = [index(c.name) for c in problem.simulator.coordinates]
+        self._seen = [i for i in at if problem.observed[i]]
+        self._usual, self._errors = self._missed(Hypothesis()).mean(axis=0) + 1e-24, dict[_Fit, FloatArray]()
 
-    def _missed(self, values: Mapping[tuple[str, str], tuple[float, ...]]) -> FloatArray:
-        """(W, Q) mean squares of positions, with what candidates have these values."""
-        all_of_it = Hypothesis()
-        for c in self._candidates:
-            if (own := values.get(c.identity, (c.declared[0].none,)))[0] != c.declared[0].none:
-                all_of_it = all_of_it.plus(c.term(own), c.declared)
+    def _missed(self, hypothesis: Hypothesis) -> FloatArray:
+        """(W, Q) mean squares of positions."""
         starts = self._problem.windows.measured[None, :, 0]
-        left = self._problem.residuals(all_of_it, all_of_it.theta[None], starts)[0][:, :, self._seen]
+        left = self._problem.residuals(hypothesis, hypothesis.theta[None], starts)[0][:, :, self._seen]
         return np.asarray((np.clip(np.nan_to_num(left, nan=3.0), -3.0, 3.0) ** 2).mean(axis=1))
 
+    def share(self, hypothesis: Hypothesis) -> FloatArray:
+        """(W,) what a hypothesis misses, the mean over all positions."""
+        share = np.sqrt(self._missed(hypothesis) / self._usual).mean(axis=1)
+        return np.asarray(np.minimum(share, WORST))
+
     def each(self, fit: _Fit) -> FloatArray:
-        """(W,) the mean over all positions."""
+        """(W,) the same of a fit."""
         if fit not in self._errors:
-            share = self._missed({on: v[0] for on, v in fit.values.items()}) / self._usual
-            self._errors[fit] = np.minimum(np.sqrt(share).mean(axis=1), WORST)
+            all_of_it, values = Hypothesis(), fit.values
+            for c in self._candidates:
+                nothing = (c.declared[0].none,)
+                if (own := values.get(c.identity, (nothing,))[0])[0] != nothing[0]:
+                    all_of_it = all_of_it.plus(c.term(own), c.declared)
+            self._errors[fit] = self.share(all_of_it)
         return self._errors[fit]
 
     def error(self, fit: _Fit) -> float:
