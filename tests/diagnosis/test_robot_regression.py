@@ -5,8 +5,9 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from mjcf_models import DOUBLE, written
+from mjcf_models import DOUBLE, logged, written
 
+import gpsim
 from gpsim.channels import Channel, Channels
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
@@ -279,3 +280,34 @@ def test_one_thing_that_is_unusual_is_told_alone_and_by_its_name(tmp_path, missi
     assert (effect.family, effect.place) in named
     for name, value in size.items():
         assert effect.parameters[name].value == pytest.approx(value, rel=0.05)
+
+
+BRAKED = """<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>
+<body name="arm"><joint name="hinge" axis="0 -1 0"{own}/>
+<geom type="sphere" size="0.02" pos="0 0 -0.1" mass="0.5" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><position name="goal" joint="hinge" kp="0.9" kv="{kv}" forcerange="-0.8 0.8"/></actuator></mujoco>"""
+
+
+def test_dry_friction_is_told_where_the_servo_of_the_model_brakes_too_much(tmp_path):
+    """Rows without the servo's own damping make up for too much of it with less friction: none, here."""
+    own = ' armature="0.002" frictionloss="0.08"'
+    model, dt, rows = mujoco.MjModel.from_xml_string(BRAKED.format(own=own, kv=0.03)), 0.01, []
+    model.dof_solref[:], model.dof_solimp[:] = (-1.0, -2000.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
+    rng, t = np.random.default_rng(0), dt * np.arange(401)
+    swung, lifted = np.sin(0.8 * np.pi * t * (1.0 + t / 2.0)), 1.5 * np.sin(0.4 * np.pi * np.sqrt(4.0 * t))
+    for number, goals in enumerate((swung, lifted)):
+        data = mujoco.MjData(model)
+        for moment, goal in zip(t, goals, strict=True):
+            rows.append((number, moment, data.qpos[0] + NOISE * rng.normal(), goal))
+            data.ctrl[:] = goal
+            mujoco.mj_step(model, data, round(dt / model.opt.timestep))
+    believed, noise = BRAKED.format(own="", kv=0.05), {"hinge": NOISE}
+    folder = logged(tmp_path, believed, rows, dt, {"hinge": "rad"}, {"goal": "rad"}, noise=noise)
+    robot = str(folder / "robot.xml")
+    found = gpsim.diagnose(gpsim.read_recording(folder, robot), robot)
+    sizes = {(e.family, e.place): next(iter(e.parameters.values())).value for e in found.effects}
+    assert sizes == {
+        ("coulomb_friction", "hinge"): pytest.approx(0.08, rel=0.1),
+        ("armature", "hinge"): pytest.approx(0.002, rel=0.1),
+        ("parameter_offset", "goal.kv"): pytest.approx(0.6, rel=0.1),
+    }

@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from gpsim.diagnosis.data import cut, held_out_mask
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, Shooting, fit, unexplained, whiteness
-from gpsim.diagnosis.judging import Judgement, Tried, probabilities_of, rivals_among
+from gpsim.diagnosis.judging import Judgement, Tried, horizon_of, probabilities_of, rivals_among
 from gpsim.diagnosis.ladder.account import Account, Quadratic, placed, told
 from gpsim.diagnosis.ladder.curves import beside, curved, inputs
 from gpsim.diagnosis.ladder.few import few_are_better, few_suffice
@@ -23,7 +24,7 @@ from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, kind_of, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
-from gpsim.diagnosis.ladder.robots import by_inverse_dynamics
+from gpsim.diagnosis.ladder.robots import BETTER, STIFF, Trials, by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import FINISH, Search
 from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import PreparedProblem
@@ -32,6 +33,7 @@ from gpsim.findings import MeasuredCurve
 
 FINER = 2  # times as many substeps as the search takes, on which what is left is judged
 FINISH_OF_A_ROBOT = 3  # rounds of the last fit, where each is dear
+MOST_CUT = 1000  # stretches of what is held out, of which some are simulated
 RANKED = 6  # accounts of a robot that are judged on held-out windows, too, beside the leader
 ZERO = "joint_offset"
 WITHOUT = 4  # rounds of the fit of an account with one law less
@@ -99,11 +101,11 @@ def climb(question: PreparedProblem, offers: list[Candidate], step: Step) -> Cli
 
 def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
     """Rung 1."""
-    simulator, sized, few = question.everything.simulator, None, None
-    search = Search(question.searched, question.held_out, laws)
-    if search.dear:
+    simulator, sized, few, longer = question.everything.simulator, None, None, None
+    if dear := closed(simulator) is not None:
         offers = [law.candidate for law in laws if not law.candidate.variant]
-        sized = by_inverse_dynamics(question.everything, question.recording, offers)
+        longer = _rollouts(question, offers)
+        sized = by_inverse_dynamics(question.everything, question.recording, offers, longer)
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         # An encoder's zero is as likely to be off as an amplifier's, where rows do not ask for all of one of them.
         prices = [0.0 if law.candidate.family == ZERO else law.price for law in laws]
@@ -112,16 +114,32 @@ def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
         few.only_few = few_suffice(few)
         if few.only_few:
             return few
-        search = Search(question.searched, question.held_out, laws)
+    search = Search(question.searched, question.held_out, laws, longer)
     search.usual(sized)
+    if sized and sized.as_believed:
+        believed = [law for law in laws if law.free or not law.candidate.place.on.endswith(STIFF)]
+        other = Search(question.searched, question.held_out, believed, longer)
+        other.usual(sized.as_believed)
+        if other.freely(other.account) < BETTER * search.freely(search.account):
+            other.say("servos are as stiff as believed", True)
+            other.tried.append(search.account)
+            search = other
     search.in_other_steps(question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
-    if search.dear:
+    if dear:
         search.through_gauges()
     search.eliminate()
     if few and few_are_better(few, search):
         few.only_few = True
         return few
     return search
+
+
+def _rollouts(question: PreparedProblem, offers: list[Candidate]) -> Trials | None:
+    """Simulations of what is held out, as long as those by which accounts are judged in the end."""
+    recording, settings = question.recording, question.run.settings.windows
+    windows = cut(recording, settings, horizon_of(question), most=MOST_CUT)
+    held = windows.take(held_out_mask(recording, windows))
+    return Trials(question.held_out.on(held), offers) if len(held) else None
 
 
 def _finer(search: Search) -> None:

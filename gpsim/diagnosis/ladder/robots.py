@@ -41,9 +41,11 @@ PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a siz
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
 BODIES, NAMED = 2, 5.0  # that are off at most; nats by which each must describe forces better
 AGREED = 10.0  # deviations by blocks that a mass must have: what no model holds bends blocks apart by more than noise
-GAIN, LATE, MASS, STIFF = "actuator_gain", "actuator_delay", ".mass", ".kp"
+GAIN, LATE, MASS, STIFF, SLOW = "actuator_gain", "actuator_delay", ".mass", ".kp", ".kv"
+SLOWLY = 1e-3  # rad/s or m/s, at which no servo is at its limit
 DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, of the size that pushes have
-ROWS: Mapping[str, float] = {"viscous_friction": 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
+VISCOUS = "viscous_friction"
+ROWS: Mapping[str, float] = {VISCOUS: 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
 WIDEST, MOSTLY = (-0.75, 3.0), 0.9  # the most that gains and masses are off; of what else a model has
@@ -55,7 +57,8 @@ class Sized:
     """What inverse dynamics say: values of parameters by family and place, and their deviations by blocks of the log.
 
     delay: s, by how much all commands come late; share: of the squared force residual that the rows take off; rubs:
-    whether more than half of the joints surely rub dry.
+    whether more than half of the joints surely rub dry; as_believed: the same where servos are as stiff as the model
+    has them, if these are others.
     """
 
     values: Mapping[tuple[str, str], tuple[float, ...]]
@@ -63,12 +66,16 @@ class Sized:
     delay: float
     share: float
     rubs: bool
+    as_believed: Sized | None = None
 
 
-def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offers) -> Sized | None:
+def by_inverse_dynamics(
+    problem: Problem, recording: Recording, candidates: Offers, longer: Trials | None = None
+) -> Sized | None:
     """The usual rows of a simulator that owns its integration, sized by the forces of the whole recording.
 
-    None where they say nothing: too little was recorded, or something pushes all the time.
+    None where they say nothing: too little was recorded, or something pushes all the time. longer: simulations of what
+    is held out, without which servos are as stiff as short ones say.
     """
     simulator, system = problem.simulator, closed(problem.simulator)
     if system is None or not simulator.coordinates:
@@ -78,14 +85,16 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
     every = [forces for band in bands if (forces := _Forces(log, band)).told >= FEWEST]
     if not every:
         return None
-    trials = _Trials(log)
+    trials = Trials(problem, candidates)
     best = trials.surest(fits := [forces.fitted() for forces in every])
     for joint in range(len(simulator.coordinates)):
         best = trials.better(best, [best.holding((*best.held, joint))], BETTER)
     best = plain = trials.surest(fits := [fit.holding(best.held) for fit in fits])
     for ratios in STIFFNESS if log.servos else ():
         stiffer = [_Forces(log, best.forces.band, best.forces.stiff * r).fitted() for r in ratios]
-        best = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
+        other = trials.better(best, [fit.holding(best.held) for fit in stiffer], BETTER)
+        # In short ones a softer servo passes for dry friction, which holds for seconds what that lets go.
+        best = longer.better(other, [best], BETTER) if longer else other
     best = trials.better(best, best.later(), BETTER)
     every_place = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
     if with_bodies := [trials.better(fit, fit.later(), BETTER) for fit in every_place if fit.further]:
@@ -100,39 +109,54 @@ def by_inverse_dynamics(problem: Problem, recording: Recording, candidates: Offe
         best = trials.better(best, more, SURELY)
     if best not in fits:
         best = trials.surest([best.again(forces) for forces in every])
-    values, deviations = ({on: v[i] for on, v in best.values.items()} for i in (0, 1))
-    share = 1.0 - float((best.left / best.was).mean())
-    dry = [row.candidate for row in log.rows if row.kind == DRY and row.candidate.identity in values]
+    return replace(_sized(best), as_believed=_sized(plain) if best.forces.stiff != 1.0 else None)
+
+
+def _sized(fit: _Fit) -> Sized:
+    """What a fit says."""
+    rows, values, deviations = (
+        fit.forces.log.rows,
+        *({on: v[i] for on, v in fit.values.items()} for i in (0, 1)),
+    )
+    share = 1.0 - float((fit.left / fit.was).mean())
+    dry = [row.candidate for row in rows if row.kind == DRY and row.candidate.identity in values]
     sure = [
         values[c.identity][0] > max(SURE * deviations[c.identity][0], DRY_ENOUGH * c.place.span) for c in dry
     ]
-    return Sized(values, deviations, best.late, share, 2 * sum(sure) > len(simulator.coordinates))
+    return Sized(values, deviations, fit.late, share, 2 * sum(sure) > len(fit.left))
 
 
-class _Trials:
-    """Short simulations: how far they miss measured positions, in what the base misses."""
+class Trials:
+    """Simulations of a problem's windows: how far they miss measured positions, in what the base misses."""
 
-    def __init__(self, log: _Log) -> None:
-        problem, every = log.problem.slopes, log.problem.windows
-        self._problem, self._candidates = problem.on(every.take(evenly(len(every), WINDOWS))), log.candidates
-        self._seen = [i for i in log.at if problem.observed[i]]
-        self._usual, self._errors = self._missed({}).mean(axis=0) + 1e-24, dict[_Fit, FloatArray]()
+    def __init__(self, problem: Problem, candidates: Offers) -> None:
+        every, index = problem.windows, problem.simulator.state.index
+        self._problem = problem.slopes.on(every.take(evenly(len(every), WINDOWS)))
+        self._candidates = [c for c in candidates if not c.variant]
+        at = [index(c.name) for c in problem.simulator.coordinates]
+        self._seen = [i for i in at if problem.observed[i]]
+        self._usual, self._errors = self._missed(Hypothesis()).mean(axis=0) + 1e-24, dict[_Fit, FloatArray]()
 
-    def _missed(self, values: Mapping[tuple[str, str], tuple[float, ...]]) -> FloatArray:
-        """(W, Q) mean squares of positions, with what candidates have these values."""
-        all_of_it = Hypothesis()
-        for c in self._candidates:
-            if (own := values.get(c.identity, (c.declared[0].none,)))[0] != c.declared[0].none:
-                all_of_it = all_of_it.plus(c.term(own), c.declared)
+    def _missed(self, hypothesis: Hypothesis) -> FloatArray:
+        """(W, Q) mean squares of positions."""
         starts = self._problem.windows.measured[None, :, 0]
-        left = self._problem.residuals(all_of_it, all_of_it.theta[None], starts)[0][:, :, self._seen]
+        left = self._problem.residuals(hypothesis, hypothesis.theta[None], starts)[0][:, :, self._seen]
         return np.asarray((np.clip(np.nan_to_num(left, nan=3.0), -3.0, 3.0) ** 2).mean(axis=1))
 
+    def share(self, hypothesis: Hypothesis) -> FloatArray:
+        """(W,) what a hypothesis misses, the mean over all positions."""
+        share = np.sqrt(self._missed(hypothesis) / self._usual).mean(axis=1)
+        return np.asarray(np.minimum(share, WORST))
+
     def each(self, fit: _Fit) -> FloatArray:
-        """(W,) the mean over all positions."""
+        """(W,) the same of a fit."""
         if fit not in self._errors:
-            share = self._missed({on: v[0] for on, v in fit.values.items()}) / self._usual
-            self._errors[fit] = np.minimum(np.sqrt(share).mean(axis=1), WORST)
+            all_of_it, values = Hypothesis(), fit.values
+            for c in self._candidates:
+                nothing = (c.declared[0].none,)
+                if (own := values.get(c.identity, (nothing,))[0])[0] != nothing[0]:
+                    all_of_it = all_of_it.plus(c.term(own), c.declared)
+            self._errors[fit] = self.share(all_of_it)
         return self._errors[fit]
 
     def error(self, fit: _Fit) -> float:
@@ -160,11 +184,13 @@ class _Row:
     """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several.
 
     moment: 1 to 3 where that is times its place along an axis of its body, as of a payload; 4 to 6 times its square.
+    slowed: what the velocity gain of the joint's servo gives [N m s], by which it may be less than nothing.
     """
 
     candidate: Candidate
     joint: int
     moment: int = 0
+    slowed: float = 0.0
 
     @property
     def kind(self) -> str:
@@ -183,16 +209,17 @@ class _Row:
         if self.moment:
             far = p.high * self.candidate.place.reach**self.order
             return (-far if self.order == 1 else 0.0), far
-        return WIDEST if self.kind in OFF else (MOSTLY * p.low, p.high)
+        return WIDEST if self.kind in OFF else (MOSTLY * (p.low - self.slowed), p.high)
 
 
 class _Log:
     """A recording in pieces on an even clock, and what may be asked of it.
 
     at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets
-    of joints whose position was measured; kinds: what else may be off, one at a time: all motors' gains, or a mass (of
-    servos neither: what they give has no other measure than bodies); loads: what the last bodies may carry; dry: (C,)
-    the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
+    of joints whose position was measured; slowing: joint -> velocity gain of its servo; kinds: what else may be off,
+    one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than bodies);
+    loads: what the last bodies may carry; dry: (C,) the model's own dry friction, left out of it; pieces: episodes,
+    moments (N,), positions (N, Q).
     """
 
     def __init__(
@@ -205,12 +232,28 @@ class _Log:
         self.columns = list(system.positions)
         self.paths = [self.columns.index(column) for column in self.at]
         seen = {c.name: i for i, c in enumerate(coordinates) if problem.observed[self.at[i]]}
-        self.rows = [_Row(c, seen[c.place.on]) for c in candidates if c.family in ROWS and c.place.on in seen]
         self.late = [c for c in candidates if c.family == LATE]
         self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
         drives = problem.simulator.drives
         driven = [*drives.values()]
         alone = {a: seen[on] for a, on in drives.items() if on in seen and driven.count(on) == 1}
+        self.slowing = {
+            alone[action]: c
+            for c in candidates
+            if c.place.on.endswith(SLOW) and (action := c.place.on.removesuffix(SLOW)) in alone
+        }
+        slowed = dict[tuple[str, str], float]()
+        if self.slowing:
+            slowly = np.zeros((2, len(problem.simulator.state)))
+            slowly[1, [index(c.velocity) for c in coordinates]] = SLOWLY
+            none = np.zeros((2, len(problem.simulator.action)))
+            given = problem.simulator.given(slowly, none, problem.parameters)
+            slowed = {(VISCOUS, on): float(still - slow) / SLOWLY for on, (still, slow) in given.items()}
+        self.rows = [
+            _Row(c, seen[c.place.on], slowed=slowed.get(c.identity, 0.0))
+            for c in candidates
+            if c.family in ROWS and c.place.on in seen
+        ]
         motors = [_Row(c, alone[c.place.on]) for c in candidates if c.family == GAIN and c.place.on in alone]
         masses = [[_Row(c, -1)] for c in candidates if c.place.on.endswith(MASS)]
         loads = [c for c in candidates if c.family == LOAD][-CARRIERS:]
@@ -481,6 +524,11 @@ class _Fit:
                 out[row.candidate.identity] = (*mass, float(np.clip(at, own.low, own.high))), (*sds, far)
             elif told and not row.moment and (row.kind != LOAD or size > 0.0):
                 out[row.candidate.identity] = (float(np.clip(value, p.low, p.high)),), (float(sd * slope),)
+                if (
+                    row.joint in log.slowing and row.slowed and value < p.low
+                ):  # the servo slows its joint by less than its model says
+                    ratio = float(1.0 + (value - p.low) / row.slowed), float(sd / row.slowed)
+                    out[log.slowing[row.joint].identity] = ratio[:1], ratio[1:]
         return out | {c.identity: ((stiff,), (ROUGHLY * stiff,)) for c in log.servos if stiff != 1.0}
 
 

@@ -22,7 +22,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.ladder.account import Account, Quadratic, bill, placed, price
 from gpsim.diagnosis.ladder.laws import SERVO_GAINS, Law
 from gpsim.diagnosis.ladder.offers import Offer, Offers, column
-from gpsim.diagnosis.ladder.robots import ROWS, Sized
+from gpsim.diagnosis.ladder.robots import BETTER, ROWS, Sized, Trials
 from gpsim.effects import Scheme, Term, closed
 
 INDEPENDENT = 1e-4  # of a column's square, that others must leave of it: else they are gauges of one another
@@ -43,11 +43,13 @@ PROBED = 3  # laws that are fitted of those that promise most
 class Search:
     """A recording's laws on their way to an account."""
 
-    def __init__(self, problem: Problem, held_out: Problem, laws: Sequence[Law]) -> None:
+    def __init__(
+        self, problem: Problem, held_out: Problem, laws: Sequence[Law], longer: Trials | None = None
+    ) -> None:
         run = problem.run
         self.laws, self._trace = list(laws), run.trace
         self.numbers, self.verdict = run.settings.laws, run.settings.verdict
-        self.shooting, self.held_out = Shooting(problem), Shooting(held_out)
+        self.shooting, self.held_out, self._longer = Shooting(problem), Shooting(held_out), longer
         starts = problem.windows.measured[:, 0]
         self.account = Account((), self.shooting.at(Hypothesis(), np.array(starts)))
         self.base = self.account.fit
@@ -309,13 +311,18 @@ class Search:
                 best, most_worth = tried, worth
         if best is None:
             return False
-        self.say("pays beside the others", True, best.laws[-1].name, gain=most_worth)
-        self.account = best
+        had, self.account = self.account, best
         self.tell_noise()
         self.refit(SETTLE)
         self.tell_noise()
         self.refit(CLOSE)
-        return True
+        pays = self.freely(had) >= BETTER * self.freely(self.account)
+        rule = "pays beside the others" if pays else "held-out simulations are worse with it"
+        self.say(rule, pays, best.laws[-1].name, gain=most_worth)
+        if not pays:
+            self.account = had
+            self.tell_noise()
+        return pays
 
     def profiled(self, account: Account) -> float:
         """Nats that an account gains with the noise profiled out: with as many samples as its own residual has."""
@@ -525,6 +532,14 @@ class Search:
     def later(self, account: Account) -> float:
         """Nats that an account costs on held-out windows, whose start states alone are fitted."""
         return float(self.judged(account).costs.sum())
+
+    def freely(self, account: Account) -> float:
+        """What simulations of what is held out miss with an account, in what they miss with the base.
+
+        Of robots, and as long as those by which accounts are judged in the end: in short windows softer servos and
+        loads pass for dry friction, which holds for seconds what these let go.
+        """
+        return float(self._longer.share(account.hypothesis).mean()) if self._longer else 0.0
 
     def judged(self, account: Account) -> Fit:
         """An account on held-out windows."""
