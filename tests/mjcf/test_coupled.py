@@ -30,11 +30,12 @@ def with_drives(*turns, dry=0.0, damping=0.0, rotor=0.0):
     return DOUBLE.replace("</mujoco>", f"<tendon>{drives}</tendon></mujoco>")
 
 
-def moved(text, dry=(0.0, 0.0), viscous=(0.0, 0.0)):
-    """Rows of three episodes of a model whose joints rub by themselves, too."""
+def moved(text, dry=(0.0, 0.0), viscous=(0.0, 0.0), inertia=1.0):
+    """Rows of three episodes of a model whose joints rub by themselves, too; inertia: times that of the last body."""
     rng, model = np.random.default_rng(7), mujoco.MjModel.from_xml_string(text)
     model.opt.timestep /= 4
     model.dof_frictionloss[:], model.dof_damping[:] = dry, model.dof_damping + np.array(viscous)
+    model.body_inertia[-1] *= inertia
     stiff = (-1.0, -2.0 / model.opt.timestep), (0.9999, 0.9999, 0.001, 0.5, 2.0)
     model.dof_solref[:], model.dof_solimp[:] = stiff
     model.tendon_solref_fri[:], model.tendon_solimp_fri[:] = stiff
@@ -101,7 +102,7 @@ def test_both_drives_of_a_differential_are_told_at_once(tmp_path):
     assert [values["coupled_friction", on] for on in (SUM, DIFFERENCE)] == pytest.approx([DRY, DRY], rel=0.15)
 
 
-@pytest.mark.parametrize("own", [{}, OWN, {"dry": (0.02, 0.15)}])
+@pytest.mark.parametrize("own", [{}, OWN, {"dry": (0.02, 0.15)}, {**OWN, "inertia": 2.0}])
 def test_forces_ask_for_no_drive_where_there_is_none(tmp_path, own):
     assert not {family for family, _ in sized(tmp_path, DOUBLE, **own)} & set(TIED)
 

@@ -508,14 +508,21 @@ class _Fit:
         return best
 
     def both_ask_for(self, kind: Sequence[_Row]) -> bool:
-        """Whether a drive takes off much of what is left at both of its joints: what does so at one is no drive."""
-        joints, forces = [joint for joint, _ in kind[0].along], self.forces
-        rows = [r for r in self.rows if {r.joint, *(joint for joint, _ in r.along)} & {*joints}] + [*kind]
+        """Whether friction of a drive takes off much of what its rotor leaves at both joints.
+
+        What does so at one is no drive; a rotor alone is the inertia of a body, where axes are parallel.
+        """
+        rotors = [row for row in kind if TIED[row.kind] == "armature"]
+        return bool((self._left_beside(kind) < SURELY**2 * self._left_beside(rotors, kind)).all())
+
+    def _left_beside(self, more: Sequence[_Row], kind: Sequence[_Row] = ()) -> FloatArray:
+        """(2,) mean squares at the joints of a kind of drive with more rows beside those that act there."""
+        joints, forces = [joint for joint, _ in (*kind, *more)[0].along], self.forces
+        rows = [r for r in self.rows if {r.joint, *(joint for joint, _ in r.along)} & {*joints}] + [*more]
         a = np.stack([forces.of(row, self.late) for row in rows], axis=2)
         prior, bounds = forces.prior(rows, a), np.array([row.bounds for row in rows]).T
         given, counts = forces.gives(self.late)[:, joints], forces.counts[:, joints]
-        left = least_squares(a[:, joints], given, counts, prior, bounds)[-1]
-        return bool((left < SURELY**2 * self.left[joints]).all())
+        return least_squares(a[:, joints], given, counts, prior, bounds)[-1]
 
     def beside(self, kind: Sequence[_Row]) -> _Fit:
         """The same, and more that may be off."""
