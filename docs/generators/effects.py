@@ -58,6 +58,8 @@ Some families are tested only under conditions:
 - `flexible_coupling`: MuJoCo models with motors ([conditions](../method/mujoco.md#elastic-joints-and-presliding)).
   For other simulators it is tested on request only (`diagnose.families.also`), because it resembles delays, lags and
   other oscillations. Its oscillation is integrated exactly, for any stiffness.
+- `coupled_friction`, `coupled_damping` and `coupled_armature`: two joints in a row, if
+  [inverse dynamics](../method/mujoco.md#drives-of-two-joints) show that one drive turns with both.
 - `lugre_friction`: on request only, except for robots. The bristles are integrated exactly at constant speed, so a
   high stiffness needs no shorter step.
 - {", ".join(OF_MODELS)}: [MuJoCo models](../how-to/mujoco.md) only. The last one requires an actuator at every joint.
@@ -158,7 +160,7 @@ def _range(family: str, name: str, usual: Plausible) -> str:
     unit = "" if unit == "1" else f" {unit}"
     high = f"from {usual.low:g}" if math.isinf(usual.high) else f"{usual.low:g} to {usual.high:g}"
     counted = f"{high} {OF[usual.of]}" if OF[usual.of] else f"{high}{unit}"
-    least = unit.replace("U", "kg m^2") if family == "armature" else unit
+    least = unit.replace("U", "kg m^2") if family.endswith("armature") else unit
     return f"{counted}, to {usual.least:g}{least} at least" if usual.least else counted
 
 

@@ -18,6 +18,7 @@ from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.geometry import Place, target_of
+from gpsim.mjcf.naming import called
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.patching import Motor, samples
 from gpsim.mjcf.plan import Fields
@@ -34,6 +35,14 @@ JOINT = {
     "springref": ("qpos_spring",),
 }
 """Attribute of a joint -> the fields that it is."""
+TENDON = {
+    "damping": "tendon_damping",
+    "frictionloss": "tendon_frictionloss",
+    "solreffriction": "tendon_solref_fri",
+    "solimpfriction": "tendon_solimp_fri",
+    "armature": "tendon_armature",
+}
+"""Attribute of a fixed tendon -> the field that it is."""
 INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diaginertia": "body_inertia"}
 GEOM = {"friction": "geom_friction", "solref": "geom_solref", "pos": "geom_pos"}
 SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
@@ -53,7 +62,7 @@ class Change:
     """Attributes of one element as they are to be; index: in the model.
 
     kind: joint, body (its masses), geom, actuator, option; where it is moved reference (of a joint), frame (a body) or
-    site.
+    site; tendon, which is new: one between two joints, numbered as in `Body.tied`, and its name.
 
     kept: those of them that are written because others beside them must be.
     """
@@ -63,6 +72,7 @@ class Change:
     attributes: dict[str, Value]
     kept: tuple[str, ...] = ()
     comments: list[str] = field(default_factory=list)
+    name: str = ""
 
 
 def changes_of(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> list[Change]:
@@ -93,6 +103,15 @@ def changes_of(body: Body, fields: Fields, motors: Sequence[Motor], step: float)
             if (now != was).any():
                 made[attribute] = _short(now)
         add("joint", j, made)
+    for place in body.ties if any(name in fields for name in TENDON.values()) else ():
+        t, made = body.tendon(place), {}
+        for attribute, name in TENDON.items():
+            was = np.atleast_1d(getattr(body.tied, name)[t])
+            now = np.atleast_1d(fields[name][0, t]) if name in fields else was
+            if (now != was).any():
+                made[attribute] = np.array(now)
+        if made:
+            found.append(Change("tendon", t, made, name=called(body.tied, "tendon", t)))
     for b in range(1, model.nbody):
         both = {a: [np.atleast_1d(v[b]) for v in now_was(name)] for a, name in INERTIAL.items()}
         kept = tuple(a for a, (now, was) in both.items() if (now == was).all())
@@ -193,7 +212,10 @@ def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
     """Write the changes into a spec; masses and inertias that a geom had become the body's own."""
     if any(c.kind == "body" for c in changes):
         _release_inertia(spec, body)
+    places = [*body.ties]
     for change in changes:
+        if change.kind == "tendon":
+            body.tie(spec, places[change.index - body.base.ntendon])
         kind, attributes = change.kind, change.attributes
         if kind == "option":
             for name, value in attributes.items():
@@ -209,6 +231,8 @@ def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
 
 def _of_spec(spec: Any, change: Change) -> Any:
     """The element of a change in a spec."""
+    if change.kind == "tendon":
+        return next(tendon for tendon in spec.tendons if tendon.name == change.name)
     tag = MOVED[change.kind][0] if change.kind in MOVED else change.kind
     every = {"joint": spec.joints, "body": spec.bodies, "geom": spec.geoms, "actuator": spec.actuators}
     return next(e for e in (every | {"site": spec.sites})[tag] if e.id == change.index)
@@ -292,6 +316,7 @@ def _in_text(root: Any, spec: Any, change: Change) -> Any:
             root.insert(1 if len(root) and root[0].tag == "compiler" else 0, found)
         return found
     tag = MOVED[change.kind][0] if change.kind in MOVED else change.kind
-    places = list(root.find("actuator")) if tag == "actuator" else root.find("worldbody").iter(tag)
+    apart = tag in ("actuator", "tendon")
+    places = list(root.find(tag)) if apart else root.find("worldbody").iter(tag)
     name = _of_spec(spec, change).name
     return next(e for e in places if isinstance(e.tag, str) and e.get("name") == name)

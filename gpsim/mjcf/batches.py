@@ -15,7 +15,7 @@ SIZE = 256
 """Simulations a batch: more do not fit a processor's cache, and are run one part after another."""
 KEPT = 12
 
-DERIVED = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature")
+DERIVED = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "tendon_armature")
 """Fields after whose change MuJoCo derives constants anew."""
 
 

@@ -6,27 +6,38 @@ With it where the families act that only models of bodies know, and how large th
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from gpsim.errors import UsageError
 from gpsim.mjcf.actuators import Activations, activations_of, motors_on
-from gpsim.mjcf.batches import Pools
+from gpsim.mjcf.batches import Pool, Pools
 from gpsim.mjcf.geometry import Moved, corrected
-from gpsim.mjcf.loading import Loaded
-from gpsim.mjcf.naming import MOTIONS, POSE, Names, names_of, servoed
+from gpsim.mjcf.loading import Loaded, source_of, spec_of
+from gpsim.mjcf.model_files import MODEL_FILES
+from gpsim.mjcf.naming import MOTIONS, POSE, Names, called, names_of, servoed
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.parameters import Knob, Surface, length_of, moving_bodies, parameters_of, surfaces_of
 from gpsim.simulators import ModelPlace, Parameter
 
 HELD = 1e9  # of inertia: what is held by a mount heavier than anything
 CARRIES = 0.5  # kg, a payload on a body that weighs next to nothing
+TENDON = "tendon_"
+"""How fields of tendons begin, of which only families with a drive between two joints have need."""
 WHOLE = 0.1
 """Of all that moves, what a payload is counted in where its body weighs less (arms lift up to half of their weight)."""
+
+
+@dataclass(frozen=True)
+class Tie:
+    """Two joints in a row that one drive may turn with, and how often the second one turns it, 1 or -1."""
+
+    joints: tuple[int, int]
+    second: float
 
 
 @dataclass
@@ -34,7 +45,8 @@ class Body:
     """A compiled model with its names, parameters, and the batches that step it in this process.
 
     base: MuJoCo's own, its geometry corrected if that is known. model: commands are not clamped in it, since effects
-    act on clamped ones, and nothing in it relies on where a body's centre of mass happens to be.
+    act on clamped ones, and nothing in it relies on where a body's centre of mass happens to be. ties: by their places;
+    as_asked: what makes such a model of a compiled one.
     """
 
     loaded: Loaded
@@ -45,11 +57,49 @@ class Body:
     knobs: dict[str, Knob]
     surfaces: tuple[Surface, ...]
     activations: Activations
+    ties: Mapping[str, Tie]
+    as_asked: Callable[[Any], Any]
+
+    def pool(self, fields: frozenset[str]) -> Pool:
+        """The batch, in this process, whose simulations have these fields of their own."""
+        return (self._tied_pools if any(name.startswith(TENDON) for name in fields) else self._pools).of(
+            fields
+        )
 
     @cached_property
-    def pools(self) -> Pools:
-        """The batches that step it in this process."""
+    def _pools(self) -> Pools:
         return Pools(self.model)
+
+    @cached_property
+    def _tied_pools(self) -> Pools:
+        return Pools(self.tied)
+
+    @cached_property
+    def tied(self) -> Any:
+        """The model with a tendon for every tie, which does nothing yet; raises UsageError where its files changed."""
+        source = self.loaded.source
+        if source_of(source.reference).digest != source.digest:
+            raise UsageError(f"{source.reference}: changed during the diagnosis; start again")
+        spec = spec_of(source.reference)
+        for place in self.ties:
+            self.tie(spec, place)
+        return self.as_asked(spec.compile())
+
+    def tie(self, spec: Any, place: str) -> Any:
+        """A new tendon of a spec between the joints of a tie."""
+        name, taken = place, {tendon.name for tendon in spec.tendons}
+        while name in taken:
+            name += "_"
+        tendon = spec.add_tendon(name=name)
+        for index, turns in zip(self.ties[place].joints, (1.0, self.ties[place].second), strict=True):
+            joint = next(j for j in spec.joints if j.id == index)
+            joint.name = joint.name or called(self.base, "joint", index)
+            tendon.wrap_joint(joint.name, turns)
+        return tendon
+
+    def tendon(self, place: str) -> int:
+        """The number of a tie's tendon in the model that has them."""
+        return int(self.base.ntendon) + [*self.ties].index(place)
 
     @cached_property
     def motors(self) -> dict[str, tuple[int, ...]]:
@@ -93,15 +143,41 @@ def body_of(
     exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch; geometry: by
     what that of the model is off.
     """
-    mj, base = mujoco(), loaded.model
-    where = loaded.source.reference
+    base, where = loaded.model, loaded.source.reference
     names = names_of(base, where)
     if int(getattr(base, "nhistory", 0)):
         raise UsageError(
             f"{where}: it already delays actuators or sensors; remove delay= from the model: gpsim finds delays"
         )
-    base = corrected(base, names, geometry) if geometry else base
-    model = copy.copy(base)
+    in_place = partial(corrected, names=names, moved=geometry) if geometry else copy.copy
+    as_asked = partial(_as_asked, names=names, held=held, exact=exact, contacts=contacts)
+    base = in_place(base)
+    known, surfaces = parameters_of(base, names), surfaces_of(base, names, where)
+    parameters = {name: declared for name, (declared, _) in known.items()}
+    knobs = {name: knob for name, (_, knob) in known.items()}
+    parameters |= {s.parameter: s.declared for s in surfaces}
+    knobs |= {s.parameter: s.knob for s in surfaces}
+    return Body(
+        loaded, base, as_asked(base), names, parameters, knobs, surfaces, activations_of(base, where),
+        _ties_of(base, names) if where.lower().endswith(MODEL_FILES) else {}, lambda model: as_asked(in_place(model)),
+    )  # fmt: skip
+
+
+def _ties_of(model: Any, names: Names) -> dict[str, Tie]:
+    """Of joints in a row that move alike, hinges or slides, their sum and their difference, from the base on."""
+    out, by_dof = {}, dict(zip(names.dofs, names.coordinates, strict=True))
+    for dof, coordinate in by_dof.items():
+        before = by_dof.get(int(model.dof_parentid[dof]))
+        if before and before.force_unit == coordinate.force_unit:
+            joints = int(model.dof_jntid[model.dof_parentid[dof]]), int(model.dof_jntid[dof])
+            for sign, second in (("+", 1.0), ("-", -1.0)):
+                out[f"{before.name}{sign}{coordinate.name}"] = Tie(joints, second)
+    return out
+
+
+def _as_asked(base: Any, names: Names, held: tuple[str, ...], exact: bool, contacts: bool) -> Any:
+    """A copy of a model as `body_of` is asked for it."""
+    mj, model = mujoco(), copy.copy(base)
     off = mj.mjtDisableBit
     model.opt.disableflags |= int(off.mjDSBL_CLAMPCTRL) | int(off.mjDSBL_ISLAND) | int(off.mjDSBL_SENSOR)
     _let_friction_act(model)
@@ -118,12 +194,7 @@ def body_of(
             model.dof_armature[dof] += HELD
             model.dof_damping[dof] = 0.0
             model.dof_frictionloss[dof] = 0.0
-    known, surfaces = parameters_of(base, names), surfaces_of(base, names, where)
-    parameters = {name: declared for name, (declared, _) in known.items()}
-    knobs = {name: knob for name, (_, knob) in known.items()}
-    parameters |= {s.parameter: s.declared for s in surfaces}
-    knobs |= {s.parameter: s.knob for s in surfaces}
-    return Body(loaded, base, model, names, parameters, knobs, surfaces, activations_of(base, where))
+    return model
 
 
 def _let_friction_act(model: Any) -> None:
@@ -159,6 +230,7 @@ def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mappin
         )
         for name, _, d in of_joint
     }
+    brakes, loads = _drives(body, armature)
     weighs = float(np.linalg.norm(model.opt.gravity))
     tilt = {"gravity": ModelPlace("rad", 1.0)} if weighs > 0.0 else {}
     # Every degree of freedom has an actuator, which may hold it against gravity.
@@ -176,10 +248,33 @@ def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mappin
         "constant_force": pushed,
         "payload": payload,
         "armature": armature,
+        "coupled_friction": brakes,
+        "coupled_damping": brakes,
+        "coupled_armature": loads,
         "gravity_tilt": tilt,
         "gravity_compensation": held,
         "joint_offset": offset,
     }
+
+
+def _drives(
+    body: Body, rotors: Mapping[str, ModelPlace]
+) -> tuple[dict[str, ModelPlace], dict[str, ModelPlace]]:
+    """Where a drive may turn with two joints that are shown, as places of its friction and of its rotor.
+
+    The mass matrix has no room for the latter where MuJoCo takes two slides of one body for independent.
+    """
+    names, brakes, loads = body.names, dict[str, ModelPlace](), dict[str, ModelPlace]()
+    every = zip(names.joints, names.coordinates, names.dofs, strict=True)
+    joints = {j: (c.name, c.force_unit, int(body.base.dof_simplenum[dof]) == 0) for j, c, dof in every}
+    for on, tie in body.ties.items():
+        (first, unit, meets), (second, _, meet) = (joints[j] for j in tie.joints)
+        if first in rotors and second in rotors:
+            size = max(rotors[first].size, rotors[second].size)
+            brakes[on] = ModelPlace(unit, size, along=((first, 1.0), (second, tie.second)))
+            if meets and meet:
+                loads[on] = replace(brakes[on], unit=rotors[first].unit)
+    return brakes, loads
 
 
 def _afloat(body: Body, axes: Sequence[str]) -> dict[str, ModelPlace]:

@@ -35,6 +35,7 @@ FIELDS = (
     "jnt_axis", "jnt_pos", "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly",
     "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange",
     "actuator_forcerange", "geom_size", "geom_pos", "geom_friction", "geom_solref",
+    "tendon_frictionloss", "tendon_solref_fri", "tendon_damping", "tendon_armature",
 )  # fmt: skip
 Said = Mapping[tuple[str, str], str]
 """Of an effect, by family and place, its sentence with its intervals."""
@@ -184,7 +185,9 @@ def _account(
                 continue
             change.comments.append(sentence)
             own = geoms.get(change.index) if change.kind == "geom" else None
-            name = own or called(body.base, change.kind, change.index) if change.kind != "option" else ""
+            name = change.name or own
+            if not name and change.kind != "option":
+                name = called(body.base, change.kind, change.index)
             moved = [name for name in change.attributes if name not in change.kept]
             attributes.append(f"{change.kind} {name}".strip() + f": {', '.join(moved)}")
         made = {"family": went.term.family, "on": went.term.on, "said": sentence, "where": went.where}

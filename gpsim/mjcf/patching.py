@@ -286,7 +286,7 @@ def _elements(body: Body, changes: list[dict[str, Any]]) -> Elements:
         elif kind == "opt.gravity":
             found.append(("option", 0))
         else:
-            found.append((kind if kind in ("body", "geom", "actuator") else "option", place))
+            found.append((kind if kind in ("body", "geom", "actuator", "tendon") else "option", place))
     return tuple(dict.fromkeys(found))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects import BristleEffect, ElasticDrive, ForceEffect, ParameterEffect, RateEffect, Term, Values
 from gpsim.errors import UsageError
-from gpsim.mjcf.body import Body
+from gpsim.mjcf.body import TENDON, Body
 from gpsim.mjcf.naming import MOTIONS
 
 PASSED_ON = ("actuator", "sensor")
@@ -23,6 +23,7 @@ PASSED_ON = ("actuator", "sensor")
 FORCE = "qfrc_applied"
 """No field of the model, but an input that stays: the generalised force on every degree of freedom."""
 FRICTION = ("dof_frictionloss", "dof_solref", "dof_solimp")
+TIED_FRICTION = ("tendon_frictionloss", "tendon_solref_fri", "tendon_solimp_fri")
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Dry friction that holds: by MuJoCo's defaults a body under a load of 80 % creeps 4 mm/s."""
 
@@ -35,7 +36,7 @@ class Fields(dict[str, FloatArray]):
         self.body, self.step, self.count = body, step, len(step)
 
     def __missing__(self, name: str) -> FloatArray:
-        model = self.body.model
+        model = self.body.tied if name.startswith(TENDON) else self.body.model
         owner, called = (model.opt, name[4:]) if name.startswith("opt.") else (model, name)
         believed = np.zeros(model.nv) if name == FORCE else np.asarray(getattr(owner, called), float)
         self[name] = np.tile(believed, (self.count, *(1,) * believed.ndim))
@@ -61,11 +62,15 @@ def native_of(term: Term, body: Body) -> Native | None:
 
 def add_friction(fields: Fields, dof: int, force: FloatArray) -> None:
     """More dry friction (B,) on a degree of freedom, which is to stick rather than creep."""
-    loss = fields["dof_frictionloss"]
-    loss[:, dof] = np.maximum(loss[:, dof] + force, 0.0)
-    fields["dof_solref"][:, dof, 0] = -1.0
-    fields["dof_solref"][:, dof, 1] = -2.0 / fields.step
-    fields["dof_solimp"][:, dof] = STIFF_SOLIMP
+    _more_friction(fields, FRICTION, dof, force)
+
+
+def _more_friction(fields: Fields, names: tuple[str, ...], at: int, force: FloatArray) -> None:
+    loss, solref, solimp = (fields[name] for name in names)
+    loss[:, at] = np.maximum(loss[:, at] + force, 0.0)
+    solref[:, at, 0] = -1.0
+    solref[:, at, 1] = -2.0 / fields.step
+    solimp[:, at] = STIFF_SOLIMP
 
 
 def _coulomb(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
@@ -83,6 +88,19 @@ def _adding(name: str, value: str, *at: int) -> Callable[[Fields, Body, str, Val
     def write(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
         where: tuple[slice | int, ...] = (slice(None), body.names.dof(on), *at)
         fields[name][where] += share * values[value]
+
+    return write
+
+
+def _coupled_friction(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    _more_friction(fields, TIED_FRICTION, body.tendon(on), share * values["force"])
+
+
+def _of_tendon(name: str, value: str) -> Callable[[Fields, Body, str, Values, FloatArray], None]:
+    """The writer that adds a value to a field of the tendon between two joints."""
+
+    def write(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+        fields[name][:, body.tendon(on)] += share * values[value]
 
     return write
 
@@ -177,6 +195,9 @@ NATIVE: Mapping[str, Native] = {
     "spring": Native(("jnt_stiffness", "qpos_spring"), _spring),
     "constant_force": Native((FORCE,), _adding(FORCE, "force")),
     "armature": Native(("dof_armature",), _adding("dof_armature", "inertia")),
+    "coupled_friction": Native(TIED_FRICTION, _coupled_friction),
+    "coupled_damping": Native(("tendon_damping",), _of_tendon("tendon_damping", "damping")),
+    "coupled_armature": Native(("tendon_armature",), _of_tendon("tendon_armature", "inertia")),
     "gravity_tilt": Native(("opt.gravity",), _tilt),
     "gravity_compensation": Native(("opt.gravity",), _compensated),
     "joint_offset": Native(("actuator_biasprm",), _offset),

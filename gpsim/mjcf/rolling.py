@@ -259,7 +259,7 @@ class Rolling:
         return fields
 
     def _begun(self, plan: Plan, fields: Fields, state: FloatArray, step: FloatArray) -> Pool:
-        pool = self.body.pools.of(plan.fields | frozenset(fields) - {FORCE})
+        pool = self.body.pool(plan.fields | frozenset(fields) - {FORCE})
         pool.begin(*self.layout.full(state), step)
         pool.write(fields, len(state))
         return pool

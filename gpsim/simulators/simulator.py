@@ -54,6 +54,7 @@ class ModelPlace:
 
     least: by how much less than believed it may be; centre: of a body, in its frame; steers: does a servo go by it?
     afloat: the rates that say how a body that floats is moved there; its size is then its mass or moment of inertia.
+    along: coordinates, and how often each turns what acts there: a drive's speed is their sum or difference.
     """
 
     unit: str
@@ -63,6 +64,7 @@ class ModelPlace:
     centre: tuple[float, ...] = ()
     steers: bool = False
     afloat: tuple[str, ...] = ()
+    along: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,11 @@ NATIVE = {
     "drag": [Term("quadratic_drag", "shoulder", {"drag": 0.04})],
     "spring": [Term("spring", "elbow", {"stiffness": 0.4, "rest_position": 0.3})],
     "armature": [Term("armature", "elbow", {"inertia": 0.01})],
+    "a drive of two joints": [
+        Term("coupled_friction", "shoulder-elbow", {"force": 0.04}),
+        Term("coupled_damping", "shoulder+elbow", {"damping": 0.03}),
+        Term("coupled_armature", "shoulder+elbow", {"inertia": 0.01}),
+    ],
     "mass": [Term("parameter_offset", "lower.mass", {"ratio": 1.237})],
     "centre": [Term("parameter_offset", "lower.com_x", {"offset": 0.021})],
     "inertia": [Term("parameter_offset", "upper.inertia", {"ratio": 1.31})],

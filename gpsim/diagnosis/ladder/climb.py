@@ -24,7 +24,7 @@ from gpsim.diagnosis.ladder.gates import gated, trimmed
 from gpsim.diagnosis.ladder.laws import Law, kind_of, laws_of
 from gpsim.diagnosis.ladder.own_values import with_own_values
 from gpsim.diagnosis.ladder.pushes import without_pushes
-from gpsim.diagnosis.ladder.robots import BETTER, STIFF, Trials, by_inverse_dynamics
+from gpsim.diagnosis.ladder.robots import BETTER, STIFF, TIED, Trials, by_inverse_dynamics
 from gpsim.diagnosis.ladder.search import FINISH, Search
 from gpsim.diagnosis.ladder.twins import swap
 from gpsim.diagnosis.setup import PreparedProblem
@@ -106,6 +106,13 @@ def _usual_machine(question: PreparedProblem, laws: list[Law]) -> Search:
         offers = [law.candidate for law in laws if not law.candidate.variant]
         longer = _rollouts(question, offers)
         sized = by_inverse_dynamics(question.everything, question.recording, offers, longer)
+        # Forces alone tell a drive that turns with two joints from what either does; to simulate each would be dear.
+        told = sized.values if sized else {}
+        laws = [
+            law
+            for law in laws
+            if law.free or law.candidate.family not in TIED or law.candidate.identity in told
+        ]
     if kind_of(simulator) == "robot" and not (sized and sized.rubs):
         # An encoder's zero is as likely to be off as an amplifier's, where rows do not ask for all of one of them.
         prices = [0.0 if law.candidate.family == ZERO else law.price for law in laws]

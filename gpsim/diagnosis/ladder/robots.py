@@ -10,6 +10,7 @@ starts come of it.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,18 +19,18 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem
+from gpsim.diagnosis.ladder.row_numbers import below, least_squares
 from gpsim.effects import BlackBoxStepper, Term, closed
 from gpsim.recordings import Episode, Recording, evenly
 
 BANDS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8)  # of the Nyquist frequency, below which motion is kept
-NARROWER, ORDER = 1.5, 3  # times lower are forces compared, no edge being sharp; of the filter (Butterworth)
+NARROWER = 1.5  # times lower are forces compared, no edge being sharp
 FINE, GAP = 8.0, 5.0  # samples: a period of the band, at least; missing ones, behind which a piece ends
 LONGEST, PIECE, SHORTEST = 12_000, 1_500, 60  # samples that are looked at, in evenly spread pieces of so many
 FEWEST, PUSHED = 40, 0.02  # rows, of which there must be so many; share of one in which something pushes
 TURNS = 0.05  # of a joint's usual speed, within which dry friction is taken to turn round
 STICKS = 0.15  # what a row counts while its joint hardly moves: nobody knows how much friction holds it
 HOLDS = 0.95  # quantile of the forces on a joint that stands, which friction holds at least
-BLOCKS, ROUNDS = 16, 4  # of rows, each left out once; of weights by what is left at each joint
 WINDOWS, WORST = 30, 2.0  # that are simulated to compare; times what the base misses, one at most
 STEP, LATEST = 0.005, 0.15  # s, in which delays are scanned, and the longest one
 NEWS, ENOUGH = 0.25, 2.0  # nats: of a row (what is wrong with rows is alike); for a delay, beside BIC
@@ -37,7 +38,7 @@ STIFFNESS = (0.15, 0.3, 0.6, 1.7, 3.0), (0.78, 0.88, 1.12, 1.28)  # of servos' g
 ALIKE = 0.015  # of the base's error, beside one standard error: as good as the best
 BETTER, SURELY = 0.95, 0.8  # of an error, that must be reached: by what is usual, by other motors or bodies
 SURE, DRY_ENOUGH = 2.0, 0.02  # deviations, and usual forces: with more friction a joint surely rubs
-PARTED, ROUGHLY = 0.5, 0.3  # of a prior's deviation, too much to tell; of a size, where no blocks do
+ROUGHLY = 0.3  # of a size, where no blocks say how sure it is
 LOAD, CARRIERS = "payload", 2  # bodies that may carry one, from the last on
 BODIES, NAMED = 2, 5.0  # that are off at most; nats by which each must describe forces better
 AGREED = 10.0  # deviations by blocks that a mass must have: what no model holds bends blocks apart by more than noise
@@ -47,6 +48,10 @@ DRY, PUSH, USUAL = "coulomb_friction", "constant_force", 10.0  # usual forces, o
 VISCOUS = "viscous_friction"
 ROWS: Mapping[str, float] = {VISCOUS: 3.0, DRY: 3.0, "armature": 3.0, PUSH: 1.0}
 """Families of rows, and their deviation a priori: in the forces that a joint usually sees at its usual motion."""
+TIED: Mapping[str, str] = {
+    "coupled_damping": "viscous_friction", "coupled_friction": DRY, "coupled_armature": "armature",
+}  # fmt: skip
+"""Families of a drive that two joints turn, and the rows that they are with its speed in the place of a joint's."""
 OFF: Mapping[str, float] = {GAIN: 0.2, MASS: 0.3, LATE: 0.01}  # the same of what else may be off
 WIDEST, MOSTLY = (-0.75, 3.0), 0.9  # the most that gains and masses are off; of what else a model has
 Offers = Sequence[Candidate]
@@ -96,6 +101,8 @@ def by_inverse_dynamics(
         # In short ones a softer servo passes for dry friction, which holds for seconds what that lets go.
         best = longer.better(other, [best], BETTER) if longer else other
     best = trials.better(best, best.later(), BETTER)
+    tied = [fit.with_ties() for fit in dict.fromkeys([best, *fits])]
+    best = trials.better(best, [fit for fit in tied if fit.further], 1.0)
     every_place = [fit.with_bodies() for fit in dict.fromkeys([best, plain, *trials.good(fits)])]
     if with_bodies := [trials.better(fit, fit.later(), BETTER) for fit in every_place if fit.further]:
         best = trials.better(best, with_bodies, 1.0)
@@ -184,13 +191,15 @@ class _Row:
     """A candidate whose first parameter is sized, and the coordinate at which it acts; -1: at several.
 
     moment: 1 to 3 where that is times its place along an axis of its body, as of a payload; 4 to 6 times its square.
-    slowed: what the velocity gain of the joint's servo gives [N m s], by which it may be less than nothing.
+    slowed: what the velocity gain of the joint's servo gives [N m s], by which it may be less than nothing;
+    along: of a drive that two joints turn, each and how often it does.
     """
 
     candidate: Candidate
     joint: int
     moment: int = 0
     slowed: float = 0.0
+    along: tuple[tuple[int, float], ...] = ()
 
     @property
     def kind(self) -> str:
@@ -218,8 +227,8 @@ class _Log:
     at: (C,) columns; columns: (Q,) of all positions; paths: (C,) places among these; rows: friction, rotors and offsets
     of joints whose position was measured; slowing: joint -> velocity gain of its servo; kinds: what else may be off,
     one at a time: all motors' gains, or a mass (of servos neither: what they give has no other measure than bodies);
-    loads: what the last bodies may carry; dry: (C,) the model's own dry friction, left out of it; pieces: episodes,
-    moments (N,), positions (N, Q).
+    loads: what the last bodies may carry; ties: drives that turn with two joints, and both of two joints together; dry:
+    (C,) the model's own dry friction, left out of it; pieces: episodes, moments (N,), positions (N, Q).
     """
 
     def __init__(
@@ -232,6 +241,7 @@ class _Log:
         self.columns = list(system.positions)
         self.paths = [self.columns.index(column) for column in self.at]
         seen = {c.name: i for i, c in enumerate(coordinates) if problem.observed[self.at[i]]}
+        self.ties = self._ties_among(seen)
         self.late = [c for c in candidates if c.family == LATE]
         self.servos = [c for c in candidates if c.place.on.endswith(STIFF)]
         drives = problem.simulator.drives
@@ -270,6 +280,19 @@ class _Log:
         share = LONGEST / max(sum(len(t) for _, t, _ in pieces), 1)
         self.pieces = [pieces[i] for i in evenly(len(pieces), max(int(share * len(pieces)), 1))]
 
+    def _ties_among(self, seen: Mapping[str, int]) -> list[list[_Row]]:
+        """Of joints that were read, by their numbers."""
+        places, alone = self.problem.simulator.model_places, defaultdict[str, list[_Row]](list)
+        both = defaultdict[frozenset[int], list[_Row]](list)
+        for c in self.candidates:
+            if c.family in TIED:
+                along = places[c.family][c.place.on].along
+                if all(name in seen for name, _ in along):
+                    row = _Row(c, -1, along=tuple((seen[name], turns) for name, turns in along))
+                    alone[c.place.on].append(row)
+                    both[frozenset(joint for joint, _ in row.along)].append(row)
+        return [*alone.values(), *both.values()]
+
     def _pieces(self, e: Episode) -> list[tuple[Episode, FloatArray, FloatArray]]:
         from scipy.interpolate import CubicSpline  # here: most commands need not wait for it
 
@@ -297,16 +320,17 @@ class _Forces:
         self.log, self.band, self.stiff = log, band, stiff
         every = max(int(1.0 / (FINE * band * log.dt)), 1)
         self.dt, self._moments = every * log.dt, [(e, t[::every]) for e, t, _ in log.pieces]
-        moved = [_below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces]
+        moved = [below(band, q, log.dt, 3)[:, ::every] for _, _, q in log.pieces]
         path = np.concatenate(moved, axis=1)
         self.motion, (self.states, self._rates) = path[:, :, log.paths], log.system.motion(path)
-        noise = 2.0 * np.pi * band * np.sqrt(2.0 / 3.0 * band * log.dt) * log.problem.floor[log.at]
-        self.way = np.tanh(self.motion[1] / np.maximum(TURNS * self.motion[1].std(axis=0), noise))
+        self._noise = 2.0 * np.pi * band * np.sqrt(2.0 / 3.0 * band * log.dt) * log.problem.floor[log.at]
+        self.way = np.tanh(self.motion[1] / np.maximum(TURNS * self.motion[1].std(axis=0), self._noise))
         moves = self._heard(np.abs(self.way), plain=True) > np.tanh(1.0)
         pushed = np.abs(self._heard(log.system.hindered(self.states).astype(np.float64))) > PUSHED
         self.counts = np.where(pushed, 0.0, np.where(moves, 1.0, STICKS))
         self.told, self._given = int((self.counts > 0).sum(axis=0).max()), dict[float, FloatArray]()
         self._loads, self._bodies = dict[object, FloatArray](), dict[_Row, FloatArray]()
+        self._ties = dict[tuple[tuple[int, float], ...], dict[str, FloatArray]]()
 
     def commands(self, late: float) -> FloatArray:
         """(N, A): what was commanded so much [s] earlier, as a line through the middles of what was held."""
@@ -329,7 +353,7 @@ class _Forces:
         out, period = [], 1.0 / self.band / self.dt
         edge, step = int(period) + 1, max(int(period * NARROWER / 4.0), 1)
         for part in np.split(force, np.cumsum([len(t) for _, t in self._moments])[:-1]):
-            low = part if plain else _below(self.band / NARROWER, part, self.dt)[0]
+            low = part if plain else below(self.band / NARROWER, part, self.dt)[0]
             out.append(low[edge : max(len(part) - edge, edge) : step])
         return np.concatenate(out)
 
@@ -360,7 +384,11 @@ class _Forces:
         return out
 
     def of(self, row: _Row, late: float) -> FloatArray:
-        """(K, C): what a motor or a body that is off takes; by how much less is given where commands come later."""
+        """(K, C): what a row, or what else may be off, takes; by how much less is given where commands come later."""
+        if row.kind in ROWS:
+            return np.asarray(self.of_rows[:, :, self.log.rows.index(row)])
+        if row.along:
+            return self._of_tie(row.along)[row.kind]
         if row.kind == GAIN:
             return np.where(np.arange(self.takes.shape[1]) == row.joint, self.takes, 0.0)
         if row.kind == LATE:
@@ -369,6 +397,19 @@ class _Forces:
         if row not in self._bodies:
             self._bodies[row] = self._of_body(row)
         return self._bodies[row]
+
+    def _of_tie(self, along: tuple[tuple[int, float], ...]) -> dict[str, FloatArray]:
+        """Family -> (K, C): what friction and a rotor of size 1 take of joints that turn a drive so often each."""
+        if along not in self._ties:
+            joints, turns = (list(each) for each in zip(*along, strict=True))
+            speed, acceleration = self.motion[1:, :, joints] @ np.array(turns)
+            noise = float(np.hypot.reduce(self._noise[joints]))
+            way = np.tanh(speed / max(TURNS * float(speed.std()), noise))
+            heard = self._heard(np.stack([speed, way, acceleration], axis=1))
+            out = np.zeros((len(TIED), *self.counts.shape))
+            out[:, :, joints] = heard.T[:, :, None] * turns
+            self._ties[along] = dict(zip(TIED, out, strict=True))
+        return self._ties[along]
 
     def _of_body(self, row: _Row) -> FloatArray:
         """(K, C): what all of a body's mass takes, or a kilogram at the origin of its frame; its moments a metre off.
@@ -396,11 +437,20 @@ class _Forces:
             self._loads[key] = (self._lacking(self._none, load.term((some, *place))) - self.takes) / some
         return self._loads[key]
 
-    def prior(self) -> FloatArray:
-        """(R,) deviations of rows' sizes a priori."""
+    def prior(self, rows: Sequence[_Row], columns: FloatArray) -> FloatArray:
+        """(R,) deviations a priori of sizes of rows with these columns (K, C, R)."""
         usual = {r.joint: USUAL * r.candidate.declared[0].scale for r in self.log.rows if r.kind == PUSH}
-        moved = np.sqrt((self.of_rows**2).sum(axis=1).mean(axis=0)) + 1e-12
-        return np.asarray([ROWS[r.kind] * usual.get(r.joint, 1.0) for r in self.log.rows] / moved)
+        moved = np.sqrt((columns**2).sum(axis=1).mean(axis=0)) + 1e-12
+        out = []
+        for row, rms in zip(rows, moved, strict=True):
+            wide = ROWS.get(TIED.get(row.kind, row.kind))
+            if wide is not None:
+                joints = [joint for joint, _ in row.along] or [row.joint]
+                out.append(wide * max(usual.get(joint, 1.0) for joint in joints) / rms)
+            else:
+                place = row.candidate.place
+                out.append(place.span * place.reach**row.order if row.kind == LOAD else OFF[row.kind])
+        return np.array(out)
 
     def late(self, more: Sequence[_Row] = ()) -> float:
         """How late commands come [s], by a scan of what rows then leave of forces; 0 where that is as likely."""
@@ -419,12 +469,10 @@ class _Forces:
         """Rows and what else may be off, by least squares."""
         further = [*more, *([_Row(self.log.late[0], -1)] if late > 0.0 else [])]
         a = np.concatenate([self.of_rows, *(self.of(row, late)[:, :, None] for row in further)], axis=2)
-        loads = [r.candidate.place.span * r.candidate.place.reach**r.order for r in further]
-        off = [load if r.kind == LOAD else OFF[r.kind] for r, load in zip(further, loads, strict=True)]
-        prior = np.array([*self.prior(), *off])
         rows = [*self.log.rows, *further]
+        prior = self.prior(rows, a)
         bounds = np.array([(-late, late) if row.kind == LATE else row.bounds for row in rows]).T
-        sizes, sd, told, was, left = _least_squares(a, self.gives(late), self.counts, prior, bounds)
+        sizes, sd, told, was, left = least_squares(a, self.gives(late), self.counts, prior, bounds)
         return _Fit(self, late + float(sizes[-1]) if late > 0.0 else 0.0, rows, sizes, sd, told, was, left)
 
 
@@ -468,7 +516,7 @@ class _Fit:
     @property
     def further(self) -> list[_Row]:
         """What else is off."""
-        return [row for row in self.rows if row.kind in (GAIN, MASS, LOAD)]
+        return [row for row in self.rows if row.along or row.kind in (GAIN, MASS, LOAD)]
 
     @cached_property
     def nats(self) -> float:
@@ -488,6 +536,35 @@ class _Fit:
                 break
             best = more
         return best
+
+    def with_ties(self) -> _Fit:
+        """The same with drives that turn with two joints, one by one, where both joints ask for them."""
+        best = self
+        for _ in range(BODIES):
+            asked = [kind for kind in best.forces.log.ties if not any(row in best.rows for row in kind)]
+            every = [best.beside(kind) for kind in asked if best.both_ask_for(kind)]
+            more = min([best, *every], key=lambda fit: fit.nats + NAMED * len(fit.further))
+            if more is best:
+                break
+            best = more
+        return best
+
+    def both_ask_for(self, kind: Sequence[_Row]) -> bool:
+        """Whether friction of a drive takes off much of what its rotor leaves at both joints.
+
+        What does so at one is no drive; a rotor alone is the inertia of a body, where axes are parallel.
+        """
+        rotors = [row for row in kind if TIED[row.kind] == "armature"]
+        return bool((self._left_beside(kind) < SURELY**2 * self._left_beside(rotors, kind)).all())
+
+    def _left_beside(self, more: Sequence[_Row], kind: Sequence[_Row] = ()) -> FloatArray:
+        """(2,) mean squares at the joints of a kind of drive with more rows beside those that act there."""
+        joints, forces = [joint for joint, _ in (*kind, *more)[0].along], self.forces
+        rows = [r for r in self.rows if {r.joint, *(joint for joint, _ in r.along)} & {*joints}] + [*more]
+        a = np.stack([forces.of(row, self.late) for row in rows], axis=2)
+        prior, bounds = forces.prior(rows, a), np.array([row.bounds for row in rows]).T
+        given, counts = forces.gives(self.late)[:, joints], forces.counts[:, joints]
+        return least_squares(a[:, joints], given, counts, prior, bounds)[-1]
 
     def beside(self, kind: Sequence[_Row]) -> _Fit:
         """The same, and more that may be off."""
@@ -522,6 +599,8 @@ class _Fit:
                 own, at = row.candidate.declared[row.moment], float(size) / max(mass[0], 1e-9)
                 far = float(np.hypot(sd, at * sds[0])) / max(mass[0], 1e-9)
                 out[row.candidate.identity] = (*mass, float(np.clip(at, own.low, own.high))), (*sds, far)
+            elif row.along and size <= 0.0:
+                continue
             elif told and not row.moment and (row.kind != LOAD or size > 0.0):
                 out[row.candidate.identity] = (float(np.clip(value, p.low, p.high)),), (float(sd * slope),)
                 if (
@@ -530,48 +609,3 @@ class _Fit:
                     ratio = float(1.0 + (value - p.low) / row.slowed), float(sd / row.slowed)
                     out[log.slowing[row.joint].identity] = ratio[:1], ratio[1:]
         return out | {c.identity: ((stiff,), (ROUGHLY * stiff,)) for c in log.servos if stiff != 1.0}
-
-
-def _least_squares(
-    columns: FloatArray, lacks: FloatArray, counts: FloatArray, prior: FloatArray, bounds: FloatArray
-) -> tuple[FloatArray, FloatArray, BoolArray, FloatArray, FloatArray]:
-    """Sizes (P,) of columns (K, C, P) between bounds, deviations, whether they are told; mean squares of joints."""
-    from scipy.optimize import lsq_linear  # here: most commands need not wait for it
-
-    a, y = columns * counts[:, :, None] * prior, lacks * counts
-    blocks = np.array_split(np.arange(len(y)), BLOCKS)
-    h = np.stack([np.matmul(a[b].transpose(1, 2, 0), a[b].transpose(1, 0, 2)) for b in blocks])
-    g = np.stack([np.einsum("kcp,kc->cp", a[b], y[b]) for b in blocks])
-    number = np.maximum((counts**2).sum(axis=0), 1.0)
-    was = left = (y**2).sum(axis=0) / number + 1e-300
-    low, high = bounds / prior
-    for turn in range(ROUNDS):
-        weights = 1.0 / np.maximum(left, 1e-9 * was)
-        by_block, pulls = np.einsum("bcpq,c->bpq", h, weights), np.einsum("bcp,c->bp", g, weights)
-        full, pull = by_block.sum(axis=0) + np.eye(len(prior)), pulls.sum(axis=0)
-        x = np.linalg.solve(full, pull)
-        if turn == ROUNDS - 1 and ((x < low) | (x > high)).any():
-            root = np.linalg.cholesky(full).T
-            x = lsq_linear(root, np.linalg.solve(root.T, pull), (low, high), "bvls").x
-        left = ((y - a @ x) ** 2).sum(axis=0) / number
-    free = (x > low) & (x < high)
-    less = full - by_block
-    beside = (pull - pulls - less[:, :, ~free] @ x[~free])[:, free, None]
-    said = np.linalg.solve(less[:, free][:, :, free], beside)[:, :, 0]
-    deviations = (own := np.sqrt(np.diag(np.linalg.inv(full)))).copy()
-    deviations[free] = np.maximum(own[free], np.sqrt((BLOCKS - 1) * said.var(axis=0)))
-    return x * prior, deviations * prior, deviations < PARTED, was, left
-
-
-def _below(band: float, x: FloatArray, dt: float, count: int = 1) -> FloatArray:
-    """(count, N, ...): x (N, ...) below a frequency [Hz], without a delay, odd beyond its ends; then derivatives."""
-    n, along = len(x), (-1, *(1,) * (x.ndim - 1))
-    slope = (x[-1] - x[0]) / (n - 1)
-    line = x[0] + slope * np.arange(n).reshape(along)
-    odd = np.concatenate([x - line, (line - x)[-2:0:-1]])
-    f = np.fft.rfftfreq(len(odd), dt).reshape(along)
-    spectrum = np.fft.rfft(odd, axis=0) / (1.0 + (f / band) ** (2 * ORDER))
-    out = [np.fft.irfft(spectrum * (2j * np.pi * f) ** k, len(odd), axis=0)[:n] for k in range(count)]
-    for part, more in zip(out, (line, slope / dt), strict=False):
-        part += more
-    return np.stack(out)

@@ -105,6 +105,8 @@ class Sizes:
         if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
             if there.afloat:
                 return self._of_axis(on, there)
+            if there.along:
+                return self._of_drive(on, there)
             size = there.size
             if effect.family == "armature":
                 size = max(size, REFLECTED * self._resists[on])
@@ -122,6 +124,19 @@ class Sizes:
         span, speed = there.size * max(*moved, TINY), self._simulator.speed(on, self._states)
         typical = _typical(np.abs(speed), TYPICAL_QUANTILE)
         return Place(on, there.unit, length=length, span=span, speed=typical, dt=self._dt)
+
+    def _of_drive(self, on: str, there: ModelPlace) -> Place:
+        """Of a drive that turns with several coordinates: as much as moves the one that takes most."""
+        names, turns = zip(*there.along, strict=True)
+        joints, speeds = (
+            [self._joints[name] for name in names],
+            {c.name: c.velocity for c in self._simulator.coordinates},
+        )
+        columns = [self._simulator.state.index(speeds[name]) for name in names]
+        speed = _typical(np.abs(self._states[:, columns] @ turns), TYPICAL_QUANTILE)
+        of_rotor = max(there.size, *(REFLECTED * self._resists[name] for name in names))
+        span = max(joint.span for joint in joints) if there.unit == joints[0].unit else of_rotor
+        return Place(on, there.unit, length=joints[0].length, span=span, speed=speed, dt=self._dt)
 
     def _of_joints(self, rows: Transitions) -> dict[str, Place]:
         simulator, parameters = self._simulator, self._parameters
