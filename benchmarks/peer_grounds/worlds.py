@@ -197,6 +197,13 @@ def pysr_select(columns: Floats, force: Floats) -> Sequence[bool]:
     return [f"x{k}" in used for k in range(columns.shape[1])]
 
 
+def by_sysid(recording: Any) -> tuple[Claim, dict[tuple[str, str], Any]]:
+    """mujoco.sysid, whose package may be absent."""
+    from peer_grounds.worlds_sysid import by_sysid as told
+
+    return told(recording)
+
+
 # Playing and scoring
 
 
@@ -314,6 +321,8 @@ GROUNDS = (
                 "is given the missing force and a library with the truth; the threshold is the best of ten by BIC"),
             peer("sysidentpy", "SysIdentPy, FROLS", by_regression(frols_select), "parameters", ("sysidentpy",),
                 "is given the same; the number of terms by BIC"),
+            peer("mujoco-sysid", "mujoco.sysid", by_sysid, "parameters", ("mujoco", "absl"),
+                "is given the machine as MJCF; everything free that MuJoCo has a word for, as many as BIC asks for"),
             peer("pysr", "PySR", by_regression(pysr_select), "parameters", ("pysr",),
                 "is given the same; 20 iterations, sums and products of the library's terms"),
         ),
