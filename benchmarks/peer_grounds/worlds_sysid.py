@@ -30,10 +30,10 @@ SLIGHT = (
 START = 0.02  # of the largest command, from which friction and springs are looked for
 
 
-def model_text(system: str, p: Mapping[str, float], step: float) -> str:
-    """MJCF of a machine with these parameters."""
+def model_text(system: str, p: Mapping[str, float], step: float, scheme: str) -> str:
+    """MJCF of a machine with these parameters, which steps as its simulator does, as far as MuJoCo can."""
     head = (
-        f'<mujoco><compiler autolimits="true"/><option timestep="{step}" integrator="implicitfast" '
+        f'<mujoco><compiler autolimits="true"/><option timestep="{step}" integrator="{"RK4" if scheme == "rk4" else "Euler"}" '
         f'gravity="0 0 -{p.get("gravity", 0.0)}"/><worldbody>'
     )
     point = 'diaginertia="1e-9 1e-9 1e-9"'
@@ -120,7 +120,9 @@ def _named(
     recording: Any, path: Path
 ) -> tuple[frozenset[tuple[str, str]], dict[tuple[str, str], list[float]]]:
     names, system = recording.state.names, recording.system
-    path.write_text(model_text(system, recording.parameters, recording.dt / 2), encoding="utf-8")
+    path.write_text(
+        model_text(system, recording.parameters, recording.dt, recording.integrator), encoding="utf-8"
+    )
     joints = tuple(n for n in names if not n.endswith("_dot"))
     order = [names.index(n) for n in (*joints, *(f"{n}_dot" for n in joints))]
     episodes = [(e.states[:, order], e.actions) for e in recording.episodes]
