@@ -32,8 +32,9 @@ START = 0.02  # of the largest command, from which friction and springs are look
 
 def model_text(system: str, p: Mapping[str, float], step: float, scheme: str) -> str:
     """MJCF of a machine with these parameters, which steps as its simulator does, as far as MuJoCo can."""
+    stepped = "RK4" if scheme == "rk4" else "Euler"
     head = (
-        f'<mujoco><compiler autolimits="true"/><option timestep="{step}" integrator="{"RK4" if scheme == "rk4" else "Euler"}" '
+        f'<mujoco><compiler autolimits="true"/><option timestep="{step}" integrator="{stepped}" '
         f'gravity="0 0 -{p.get("gravity", 0.0)}"/><worldbody>'
     )
     point = 'diaginertia="1e-9 1e-9 1e-9"'
