@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from gpsim.trials.worlds import SYSTEMS, dynamics
 
 ROOT = Path(__file__).resolve().parents[2]
 NOBODY = "no_such_package_of_a_peer"
@@ -80,3 +83,20 @@ def test_the_page_is_what_the_cells_say(peers, tmp_path):
         assert made.read_bytes() == (ROOT / "docs" / "method" / "peers.md").read_bytes()
         drawn.append(figure.read_bytes())
     assert drawn[0] == drawn[1]
+
+
+@pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole"])
+def test_mujoco_is_given_the_machines_that_the_worlds_have(peers, system):
+    """Accelerations of the written model are those of the equations of motion, in any state."""
+    mujoco = pytest.importorskip("mujoco")
+    text = importlib.import_module("peer_grounds.worlds_sysid").model_text
+    rng, known = np.random.default_rng(1), SYSTEMS[system]
+    numbers = {name: float(rng.uniform(*ends)) for name, ends in known.parameters.items()}
+    model = mujoco.MjModel.from_xml_string(text(system, numbers, 0.01, "rk4"))
+    data = mujoco.MjData(model)
+    for state in rng.normal(size=(5, len(known.state))):
+        push = rng.normal(size=1)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = state[0::2], state[1::2], push
+        mujoco.mj_forward(model, data)
+        inverse, force = dynamics(system, numbers, state[None], push[None])
+        np.testing.assert_allclose(data.qacc, inverse[0] @ force[0], rtol=1e-6, atol=1e-9)
