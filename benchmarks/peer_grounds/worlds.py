@@ -311,8 +311,8 @@ def peer(name: str, title: str, namer: Namer | None, kind: str, needs: tuple[str
 
 REMARKS = """
 MuJoCo has no word for quadratic drag and for a motor whose gain depends on the sign, which six of the thirty machines
-have; mujoco.sysid is right for 11 of the other 24. Its windows begin in the measured state, and most of its false alarms
-are gains that are a few per cent off.
+have; mujoco.sysid is right for 11 of the other 24. Its windows begin in the measured state, and most of its false
+alarms are gains that are a few per cent off.
 """
 GROUNDS = (
     Ground(
