@@ -49,7 +49,7 @@ class _Watch:
     """
 
     def __init__(self) -> None:
-        self._depth, self._count, self._looking = 0, 0, False
+        self._depth, self._count, self._looking, self._armed = 0, 0, False, False
         self._seen, self._since, self._longest = -1, 0.0, LONGEST_CALL
 
     def __enter__(self) -> None:
@@ -70,6 +70,7 @@ class _Watch:
             signal.signal(signal.SIGALRM, self._look)
             signal.setitimer(signal.ITIMER_REAL, BETWEEN_LOOKS, BETWEEN_LOOKS)
             self._extend(self._longest)
+            self._armed = True
         self._looking = True
 
     def _look(self, number: int, frame: object) -> None:
@@ -89,7 +90,11 @@ class _Watch:
         self._looking = False
         if signal.getsignal(signal.SIGALRM) == self._look:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+        if (
+            self._armed
+        ):  # also where the program has taken the other timer meanwhile: it would be ended by this one
             self._extend(0.0)
+            self._armed = False
 
     def _extend(self, longest: float) -> None:
         """Who does not come to look any more is ended by the system (SIGVTALRM)."""

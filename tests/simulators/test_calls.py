@@ -65,6 +65,17 @@ def test_a_programs_own_timer_is_left_alone():
         signal.signal(signal.SIGALRM, before)
 
 
+def test_a_program_that_takes_the_timer_later_is_not_ended_by_the_other_one():
+    assert asked(lambda: 3, "rates", "mine.py:Tank") == 3
+    before = signal.signal(signal.SIGALRM, lambda *_: None)
+    try:
+        WATCH.stop()
+        assert signal.getitimer(signal.ITIMER_VIRTUAL) == (0.0, 0.0)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
 def test_other_threads_are_not_bounded():
     said = []
     thread = threading.Thread(target=lambda: said.append(asked(lambda: time.sleep(0.5) or 3, "rates", "x")))
