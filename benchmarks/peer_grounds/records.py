@@ -699,11 +699,10 @@ tank, whose readings stand at 10 V, and says `partial`. That is as much as least
 
 - The level of the upper tank was not measured. It began anew in windows of 25 samples, and the error was 0.83 V. Now
   windows are as long as can be where a level is hidden (here 200 samples), and a rim of the hidden level is looked for,
-  with the water lost or in the next tank (`spillover`). On a simulated pair of tanks it is named, within 0.1 %.
+  with the water lost or in the next tank (`spillover`). On a simulated pair of tanks it is named (a slow test).
 - Here a spillover and a bias of the sensor would be enough: least squares of these laws have 0.36 V. gpsim does not
-  name them. What its account leaves is correlated over 20 samples, so that 800 samples count as 40, and the three
-  coefficients with a spillover are worth 0.9 nats more than what it names. The search does not find them, because
-  they are better only together.
+  name them. What its account leaves is correlated, so that few of the 800 samples count, and the three coefficients
+  with a spillover are hardly better than what it names, and only together. The search tries one law at a time.
 
 The last row of the table shows a model that is enough: outflow in proportion to the level, and an upper rim that spills
 into the lower tank. The numbers describe a curve of outflow and not an orifice: one coefficient is negative, and the

@@ -3,7 +3,8 @@
 The worlds are those of `gpsim prove --seed 7100` in which every true effect is a term of the peers' library
 (gpsim.trials.sindy) and acts everywhere: the first thirty with effects and the first thirty with nothing missing. The
 peers are given what gpsim has to find out: which force the base simulator lacks, computed from one-step accelerations,
-and a library that holds the truth. A world is right where the set of (family, place) is the true one.
+and a library that holds the truth; mujoco.sysid is given the machine as MJCF (`worlds_sysid`). A world is right where
+the set of (family, place) is the true one.
 """
 
 from __future__ import annotations

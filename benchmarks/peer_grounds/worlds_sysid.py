@@ -24,9 +24,7 @@ Floats = NDArray[np.float64]
 MOST = 30  # iterations of a fit
 WINDOW, PIECES = 0.5, 30  # s of a window; windows of each fit, evenly spread over the recording
 SUREST = 4  # numbers that are kept at most
-SLIGHT = (
-    0.01  # of a ratio or of the largest command, that is left alone, as the other peers leave forces alone
-)
+SLIGHT = 0.01  # of a ratio or of the largest command: left alone, as the other peers leave forces alone
 START = 0.02  # of the largest command, from which friction and springs are looked for
 
 
@@ -153,9 +151,10 @@ def _named(
             best = score, dict(zip(some, values.tolist(), strict=True))
     claims: dict[tuple[str, str], list[float]] = {}
     for name, value in best[1].items():
-        slight = SLIGHT * (
-            most if name.startswith("constant") else free[name].start / START if not nothing(name) else 1.0
-        )
+        whole = (
+            1.0 if nothing(name) else free[name].high
+        )  # of friction, springs and offsets: what the command can do
+        slight = SLIGHT * whole
         if not name.startswith("rest") and abs(value - nothing(name)) > slight:
             family, _, on = name.partition(" on ")
             rest = best[1].get(f"rest of the {name}")

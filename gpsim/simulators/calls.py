@@ -90,9 +90,8 @@ class _Watch:
         self._looking = False
         if signal.getsignal(signal.SIGALRM) == self._look:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        if (
-            self._armed
-        ):  # also where the program has taken the other timer meanwhile: it would be ended by this one
+        # Also where the program has taken the other timer meanwhile: it would be ended by this one.
+        if self._armed:
             self._extend(0.0)
             self._armed = False
 

@@ -121,10 +121,8 @@ def by_inverse_dynamics(
 
 def _sized(fit: _Fit) -> Sized:
     """What a fit says."""
-    rows, values, deviations = (
-        fit.forces.log.rows,
-        *({on: v[i] for on, v in fit.values.items()} for i in (0, 1)),
-    )
+    rows = fit.forces.log.rows
+    values, deviations = ({on: v[i] for on, v in fit.values.items()} for i in (0, 1))
     share = 1.0 - float((fit.left / fit.was).mean())
     dry = [row.candidate for row in rows if row.kind == DRY and row.candidate.identity in values]
     sure = [
@@ -603,9 +601,8 @@ class _Fit:
                 continue
             elif told and not row.moment and (row.kind != LOAD or size > 0.0):
                 out[row.candidate.identity] = (float(np.clip(value, p.low, p.high)),), (float(sd * slope),)
-                if (
-                    row.joint in log.slowing and row.slowed and value < p.low
-                ):  # the servo slows its joint by less than its model says
+                # The servo slows its joint by less than its model says.
+                if row.joint in log.slowing and row.slowed and value < p.low:
                     ratio = float(1.0 + (value - p.low) / row.slowed), float(sd / row.slowed)
                     out[log.slowing[row.joint].identity] = ratio[:1], ratio[1:]
         return out | {c.identity: ((stiff,), (ROUGHLY * stiff,)) for c in log.servos if stiff != 1.0}

@@ -27,6 +27,9 @@ UNFORCED = 1e-6  # of the measured rates: a base simulator whose own are smaller
 FEWEST_WITHOUT_CONTACT = 100
 """Transitions without contact that must be left where accelerations leave out those that touch."""
 TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
+SLIGHTLY = (
+    0.01  # of a level, by which it is moved to see what drains: no further, where rates may not be finite
+)
 REACH = 2.0  # standard deviations of a position, to either side, in which a law's places are looked for
 REFLECTED = 0.3
 """Of the inertia that would turn a joint's forces into its accelerations, that a rotor behind gears may well be: at a
@@ -128,10 +131,8 @@ class Sizes:
     def _of_drive(self, on: str, there: ModelPlace) -> Place:
         """Of a drive that turns with several coordinates: as much as moves the one that takes most."""
         names, turns = zip(*there.along, strict=True)
-        joints, speeds = (
-            [self._joints[name] for name in names],
-            {c.name: c.velocity for c in self._simulator.coordinates},
-        )
+        joints = [self._joints[name] for name in names]
+        speeds = {c.name: c.velocity for c in self._simulator.coordinates}
         columns = [self._simulator.state.index(speeds[name]) for name in names]
         speed = _typical(np.abs(self._states[:, columns] @ turns), TYPICAL_QUANTILE)
         of_rotor = max(there.size, *(REFLECTED * self._resists[name] for name in names))
@@ -214,7 +215,8 @@ class Sizes:
 
     def _feeds(self, rows: Transitions, on: str) -> bool:
         """Whether what drains from a level goes somewhere."""
-        step = np.full(len(rows), max(float(np.ptp(rows.states[:, self._simulator.state.index(on)])), 1e-6))
+        level = np.abs(rows.states[:, self._simulator.state.index(on)])
+        step = SLIGHTLY * np.maximum(level, level.mean() + TINY)
         said = passed_on(self._simulator, rows.states, rows.actions, self._parameters, on, step)
         return bool((said > 0.0).any())
 
